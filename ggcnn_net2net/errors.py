@@ -1,0 +1,51 @@
+"""Every error this package raises on purpose.
+
+One tree with `GGCNNError` at the top, so `except GGCNNError` catches all of them and nothing else. A message says
+what was expected, what was received and what to do about it.
+"""
+
+from __future__ import annotations
+
+
+class GGCNNError(Exception):
+    """Base of all errors of ggcnn_net2net."""
+
+
+class ArchitectureError(GGCNNError):
+    """An architecture string, or a model, that does not describe a GG-CNN."""
+
+
+class ModelFileError(GGCNNError):
+    """A model file that cannot be read, is damaged, or does not hold a GG-CNN."""
+
+
+class DataNotFoundError(GGCNNError):
+    """Reference data (weights, objects) that is nowhere to be found and cannot be fetched."""
+
+
+class VerificationError(GGCNNError):
+    """A file whose content is not what was published: wrong SHA-256, or a mesh of the wrong shape."""
+
+
+class GraspError(GGCNNError):
+    """Grasp maps or grasp rectangles with an impossible shape or value."""
+
+
+class ObjectSetError(GGCNNError):
+    """An object set, mesh or CSV that cannot be used in the simulation."""
+
+
+class SceneError(GGCNNError):
+    """Scenes that cannot be made, read or matched to what was asked for."""
+
+
+class SimulationError(GGCNNError):
+    """The physics simulation could not do what was asked."""
+
+
+class ResultsError(GGCNNError):
+    """A results folder that is damaged or belongs to another experiment."""
+
+
+class GGCNNWarning(UserWarning):
+    """Base of all warnings of ggcnn_net2net: something a reader of the result has to know."""

@@ -1,0 +1,64 @@
+"""Every choice in which the published code and a corrected reading of the paper differ.
+
+`PAPER` does what the public code of the paper does, defects included; `CORRECTED` does what the paper means. Each
+result carries the protocol it was made with, so that the two are never mixed in silence. `docs/fidelity.md` explains
+each field with its measured effect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ggcnn_net2net.errors import GGCNNError
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """One setting of every choice. Use `PAPER`, `CORRECTED`, or `dataclasses.replace` of one of them."""
+
+    name: str
+
+    sim_angle_window: int
+    """Half side in pixels of the window around the peak from which the simulator takes the grasp angle: the largest
+    angle of the window if the peak's is positive, else the smallest (the public code's `ang_threshold`). 0 takes the
+    peak's own angle."""
+
+    object_centre: str
+    """Point of an object that is its origin and centre of mass: "vertex_mean" (mean of the mesh's vertices, which lies
+    where the mesh is finely cut) or "volume" (centre of mass of its convex parts)."""
+
+    fingertip_clearance: float | None
+    """Height in metres above the plane at which the descent stops the fingertips. None lets the gripper push its
+    fingers against the plane, as published, wherever the grasped surface is lower than the fingers are long."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Field names and values, for result files."""
+        return asdict(self)
+
+
+PAPER = Protocol(
+    name="PAPER",
+    sim_angle_window=5,
+    object_centre="vertex_mean",
+    fingertip_clearance=None,
+)
+
+CORRECTED = Protocol(
+    name="CORRECTED",
+    sim_angle_window=0,
+    object_centre="volume",
+    fingertip_clearance=0.002,
+)
+
+
+def protocol_named(name: str) -> Protocol:
+    """The preset called `name` ("paper" or "corrected", in any case).
+
+    Raises:
+        GGCNNError: no such preset.
+    """
+    for preset in (PAPER, CORRECTED):
+        if preset.name.lower() == name.lower():
+            return preset
+    raise GGCNNError(f"expected a protocol 'paper' or 'corrected', received {name!r}")
