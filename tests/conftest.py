@@ -1,0 +1,21 @@
+"""Fixtures for all tests. Nothing here, and no test, uses the network."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+
+NEEDS_DATA = "needs the reference data: set GGCNN_NET2NET_DATA to a folder with original_ggcnn_weights/ and objects/"
+
+
+@pytest.fixture(scope="session")
+def data_root() -> Path:
+    """The folder of the reference data; tests that need it are skipped where it is absent."""
+    value = os.environ.get("GGCNN_NET2NET_DATA")
+    if not value:
+        pytest.skip(NEEDS_DATA)
+    return Path(value)

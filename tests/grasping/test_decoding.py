@@ -1,0 +1,107 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
+
+from ggcnn_net2net.errors import GraspError
+from ggcnn_net2net.grasping import RSS_2018, Grasp, decode_maps
+
+SIDE = 120
+
+
+def maps_of(grasps, blob=400.0):
+    """Ideal network output: a blob of quality, and one angle and width everywhere around each grasp."""
+    rows, cols = np.mgrid[:SIDE, :SIDE]
+    quality, angle, width = (np.zeros((SIDE, SIDE)) for _ in range(3))
+    for grasp in grasps:
+        squared = (rows - grasp.row) ** 2 + (cols - grasp.col) ** 2
+        quality = np.maximum(quality, grasp.quality * np.exp(-squared / blob))
+        angle[squared < 400], width[squared < 400] = grasp.angle, grasp.width_px / 150
+    return quality, np.cos(2 * angle), np.sin(2 * angle), width
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(25, SIDE - 26),
+    st.integers(25, SIDE - 26),
+    st.floats(-1.5, 1.5),
+    st.floats(5, 140),
+)
+def test_an_ideal_output_decodes_to_its_grasp(row, col, angle, width_px):
+    (grasp,) = decode_maps(*maps_of([Grasp(row, col, angle, width_px)]))
+    assert (grasp.row, grasp.col) == (row, col)
+    assert grasp.angle == pytest.approx(angle, abs=1e-9)
+    assert grasp.width_px == pytest.approx(width_px, rel=1e-3)
+
+
+def test_best_grasps_come_first_and_keep_their_distance():
+    wanted = [Grasp(30, 30, 0.1, 40, 0.6), Grasp(30, 90, 0.2, 50, 0.9), Grasp(90, 60, 0.3, 60, 0.8)]
+    found = decode_maps(*maps_of(wanted, blob=100), n_grasps=2)
+    assert [(grasp.row, grasp.col) for grasp in found] == [(30, 90), (90, 60)]
+    assert found[0].quality > found[1].quality
+
+
+def test_nothing_above_the_threshold_is_no_grasp():
+    quality, *rest = maps_of([Grasp(60, 60, 0, 40, 0.9)])
+    assert decode_maps(quality * 0.15, *rest) == []
+
+
+def test_smoothing_is_the_published_one():
+    quality, cos, sin, width = maps_of([Grasp(60, 60, 0, 40)])
+    noise = np.random.default_rng(0).normal(0, 0.05, (2, SIDE, SIDE))
+    (grasp,) = decode_maps(quality + noise[0], cos, sin, width + noise[1])
+    smooth = gaussian_filter(quality + noise[0], 5, mode="nearest")
+    assert (grasp.row, grasp.col) == np.unravel_index(smooth.argmax(), smooth.shape)
+    smooth_width = gaussian_filter(width + noise[1], 1, mode="nearest") * 150
+    assert grasp.width_px == pytest.approx(smooth_width[int(grasp.row), int(grasp.col)])
+
+
+@pytest.mark.parametrize(("sign", "expected"), [(1, 0.7), (-1, -0.7)])
+def test_angle_window_takes_the_extreme(sign, expected):
+    quality, _, _, width = maps_of([Grasp(60, 60, 0, 40)])
+    angle = np.full((SIDE, SIDE), 0.2 * sign)
+    angle[56, 63] = expected  # inside the 11x11 window
+    angle[66, 60] = 1.4 * sign  # one pixel outside
+    maps = quality, np.cos(2 * angle), np.sin(2 * angle), width
+    (own,) = decode_maps(*maps)
+    (extreme,) = decode_maps(*maps, decoding=replace(RSS_2018, angle_window=5))
+    assert own.angle == pytest.approx(0.2 * sign)
+    assert extreme.angle == pytest.approx(expected)
+
+
+def test_angle_window_is_cut_at_the_border():
+    rows, cols = np.mgrid[:SIDE, :SIDE]
+    quality = np.exp(-((rows - 2) ** 2 + (cols - 2) ** 2) / 400)
+    angle = np.full((SIDE, SIDE), 0.2)
+    angle[4, 4] = 0.5
+    angle[-3:, -3:] = 1.5  # what a negative index would read
+    near_border = replace(RSS_2018, min_distance=1, angle_window=5, quality_sigma=0.5)
+    (grasp,) = decode_maps(quality, np.cos(2 * angle), np.sin(2 * angle), quality, decoding=near_border)
+    assert (grasp.row, grasp.col) == (2, 2)
+    assert grasp.angle == pytest.approx(0.5)
+
+
+def test_channel_axis_is_accepted():
+    maps = maps_of([Grasp(60, 60, 0.4, 40)])
+    assert decode_maps(*(values[..., None] for values in maps)) == decode_maps(*maps)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: [m[0][:50], *m[1:]], "one shape"),
+        (lambda m: [m[0], m[1] * np.nan, *m[2:]], "finite cos"),
+        (lambda m: [m[0][None], *m[1:]], "quality map"),
+    ],
+)
+def test_bad_maps_are_refused(change, message):
+    with pytest.raises(GraspError, match=message):
+        decode_maps(*change(list(maps_of([Grasp(60, 60, 0, 40)]))))
+
+
+def test_zero_grasps_is_refused():
+    with pytest.raises(GraspError, match="n_grasps"):
+        decode_maps(*maps_of([]), n_grasps=0)
