@@ -1,0 +1,181 @@
+"""One grasp trial: approach, close, carry to the bin, release, judge (the paper's section III and its public code)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle
+from ggcnn_net2net.protocol import PAPER, Protocol
+from ggcnn_net2net.simulation.camera import Camera
+from ggcnn_net2net.simulation.gripper import Gripper, GripperSpec
+from ggcnn_net2net.simulation.scenes import Scene
+from ggcnn_net2net.simulation.world import Bin, World
+
+SUCCESS_DISTANCE = 0.7
+"""Metres, horizontally, between object and bin centre below which the public code of the paper counts a success. More
+than half the bin's side: an object lying beside the bin can count. `in_bin` is the stricter reading."""
+
+_PALM_GAP = 0.005  # the palm's lower side ends at the seen surface
+_APPROACH = 0.5  # metres above the grasp
+_CARRY_HEIGHT = 0.75  # above the bin
+_LIFTED = 0.05  # metres an object has to rise to count as lifted
+
+
+class Outcome(StrEnum):
+    """How a trial ended: a success, or the reason of the failure."""
+
+    SUCCESS = "success"
+    NO_GRASP = "no grasp found"
+    MISSED = "missed"
+    """The object was never lifted."""
+    SLIPPED = "slipped"
+    """It was lifted, but no longer held above the bin."""
+    DROPPED_OUTSIDE = "dropped outside"
+    """It was held above the bin, but came to lie outside."""
+    UNSTABLE = "unstable"
+    """The scene never came to rest, or the simulation left all bounds."""
+    CRASHED = "worker crashed"
+
+
+@dataclass(frozen=True)
+class WorldGrasp:
+    """A grasp in the world: `point` (x, y, z) on the seen surface, yaw in radians, opening in metres."""
+
+    point: tuple[float, float, float]
+    yaw: float
+    opening: float
+
+
+@dataclass(frozen=True)
+class TrialResult:
+    """What came of one grasp."""
+
+    outcome: Outcome
+    success: bool
+    """The paper's rule: within `SUCCESS_DISTANCE` of the bin's centre."""
+    in_bin: bool
+    """The stricter rule: between the bin's walls."""
+    distance: float
+    """Final horizontal distance between object and bin centre in metres."""
+    steps: int
+    """Physics steps."""
+    grasp: WorldGrasp | None = None
+
+
+def world_grasp(grasp: Grasp, depth: npt.NDArray[np.floating], camera: Camera) -> WorldGrasp:
+    """Where a grasp of the image lies in the world, by the depth seen at its centre.
+
+    Args:
+        grasp: in pixels of `depth`.
+        depth: (H, W) metres.
+        camera: that took the image.
+
+    Returns:
+        Point, yaw and opening; the opening is the world length of the rectangle's edge in closing direction, as in
+        the public code of the paper.
+    """
+    distance = float(depth[round(grasp.row), round(grasp.col)])
+    point = camera.world_from_pixel(grasp.row, grasp.col, distance)
+    start, end = grasp_to_rectangle(grasp)[:2]
+    edge = camera.world_from_pixel(*end, distance) - camera.world_from_pixel(*start, distance)
+    x, y, z = point.tolist()
+    return WorldGrasp((x, y, z), grasp.angle, float(np.linalg.norm(edge)))
+
+
+def run_trial(
+    world: World,
+    scene: Scene,
+    grasp: Grasp | None,
+    protocol: Protocol = PAPER,
+    gripper_spec: GripperSpec | None = None,
+    bin_spec: Bin | None = None,
+    on_phase: Callable[[str], None] | None = None,
+) -> TrialResult:
+    """Execute a grasp on a scene.
+
+    Args:
+        world: is reset first.
+        scene: object and its resting pose.
+        grasp: in pixels of the scene's image; None when the network found none, which is a failure.
+        protocol: decides how far the gripper descends.
+        gripper_spec: dimensions of the gripper; the paper's by default.
+        bin_spec: the bin; the paper's by default.
+        on_phase: called with "approach", "close", "carry", "release" and "end" when each begins.
+
+    Returns:
+        The result. Equal arguments give bit-identical results.
+    """
+    bin_spec = bin_spec or Bin()
+    if not scene.stable:
+        return TrialResult(Outcome.UNSTABLE, False, False, bin_spec.horizontal_distance(scene.position), 0)
+    if grasp is None:
+        return TrialResult(Outcome.NO_GRASP, False, False, bin_spec.horizontal_distance(scene.position), 0)
+    target = world_grasp(grasp, scene.depth, scene.camera)
+    return run_world_grasp(world, scene, target, protocol, gripper_spec, bin_spec, on_phase)
+
+
+def run_world_grasp(
+    world: World,
+    scene: Scene,
+    target: WorldGrasp,
+    protocol: Protocol = PAPER,
+    gripper_spec: GripperSpec | None = None,
+    bin_spec: Bin | None = None,
+    on_phase: Callable[[str], None] | None = None,
+) -> TrialResult:
+    """Execute a grasp that is given in world coordinates; everything else as in `run_trial`."""
+    bin_spec = bin_spec or Bin()
+    phase = on_phase or (lambda _: None)
+    world.reset()
+    body = world.add_object(scene.model, scene.position, scene.orientation)
+    world.add_bin(bin_spec)
+    gripper = Gripper(world, gripper_spec)
+
+    x, y, z = target.point
+    height = z + _PALM_GAP
+    if protocol.fingertip_clearance is not None:
+        height = max(height, gripper.spec.reach + protocol.fingertip_clearance)
+    down = np.array([x, y, height, 0, 0, target.yaw])
+
+    phase("approach")
+    gripper.set_opening(target.opening)
+    gripper.move_to(down + [0, 0, _APPROACH, 0, 0, 0])
+    gripper.move_to(down)
+    phase("close")
+    gripper.set_opening(0)
+    phase("carry")
+    height_before = world.pose_of(body)[0][2]
+    # The object, not the palm, is to hang over the bin's centre.
+    offset = gripper.pose[:2] - world.pose_of(body)[0][:2]
+    carry = np.array([*(np.array(bin_spec.centre[:2]) + offset), bin_spec.centre[2] + _CARRY_HEIGHT, 0, 0, target.yaw])
+    highest = [height_before]
+    gripper.move_to(carry, on_step=lambda: highest.append(world.pose_of(body)[0][2]))
+    world.run(0.5)  # lets the swing die, so that the object is not thrown
+    held = _is_held(world, body, gripper)
+    phase("release")
+    gripper.set_opening(gripper.spec.max_opening)
+    world.run(1.0)
+    phase("end")
+
+    position = world.pose_of(body)[0]
+    distance = bin_spec.horizontal_distance(position)
+    success = distance < SUCCESS_DISTANCE
+    if not np.isfinite(position).all() or np.abs(position).max() > 10:
+        outcome = Outcome.UNSTABLE
+    elif success:
+        outcome = Outcome.SUCCESS
+    elif held:
+        outcome = Outcome.DROPPED_OUTSIDE
+    else:
+        outcome = Outcome.SLIPPED if max(highest) - height_before > _LIFTED else Outcome.MISSED
+    return TrialResult(outcome, success, bin_spec.contains(position), distance, world.steps, target)
+
+
+def _is_held(world: World, body: int, gripper: Gripper) -> bool:
+    """Whether the gripper touches the object, which nothing else holds up at carrying height."""
+    return bool(world.client.getContactPoints(body, gripper.body))
