@@ -3,7 +3,7 @@
 Frames: world coordinates in metres, z up, the ground plane at z = 0. Quaternions are (x, y, z, w) as in pybullet.
 """
 
-from ggcnn_net2net.simulation.quiet import silence_output
+from ggcnn_net2net.quiet import silence_output
 
 with silence_output():  # pybullet prints its build time when it is imported
     import pybullet  # noqa: F401

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
+from pathlib import Path
 
 from ggcnn_net2net.grasping import Grasp
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import Protocol
-from ggcnn_net2net.simulation.object_sets import ObjectModel
-from ggcnn_net2net.simulation.scenes import Scene, make_scene
+from ggcnn_net2net.simulation.object_sets import ObjectModel, ObjectSet
+from ggcnn_net2net.simulation.scenes import Scene, SceneSettings, load_scenes, make_scene, save_scenes
 from ggcnn_net2net.simulation.trial import Outcome, TrialResult, run_trial
 from ggcnn_net2net.simulation.world import Bin, World
+
+_SAVE_EVERY = 30.0  # seconds between saves of unfinished scenes
 
 
 @cache
@@ -28,19 +32,49 @@ def _run_trial(scene: Scene, grasp: Grasp | None, protocol: Protocol) -> TrialRe
     return run_trial(_process_world(), scene, grasp, protocol)
 
 
-def make_scenes(jobs: Sequence[tuple[ObjectModel, int]], seed: int, workers: int) -> Iterator[Scene | Crash]:
-    """Make one scene of every (object, pose), as they come.
+def prepare_scenes(
+    path: Path,
+    objects: ObjectSet,
+    settings: SceneSettings,
+    workers: int,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> list[Scene]:
+    """Scenes of every object and pose: those in `path` are read, missing ones are made and saved there.
 
     Args:
-        jobs: objects and indices of poses.
-        seed: of the whole set.
+        path: HDF5 file of the scenes; need not exist.
+        objects: the object set.
+        settings: of the set of scenes.
         workers: processes.
+        on_progress: called with the number of scenes that are there, whenever it changes.
 
-    Yields:
-        A `Scene`, or a `Crash` where a worker died twice on it.
+    Returns:
+        Scenes in the order of objects and poses. Scenes on which a worker died twice are left out, and made again when
+        this is called again. An interrupted call keeps what it made.
+
+    Raises:
+        SceneError: `path` holds scenes of other objects or settings.
     """
-    for _, scene in run_parallel(_make_scene, ((model, pose, seed) for model, pose in jobs), workers):
-        yield scene
+    jobs = [(model, pose) for model in objects.objects for pose in range(settings.poses)]
+    scenes = {scene.key: scene for scene in load_scenes(path, objects, settings)} if path.is_file() else {}
+    missing = [(model, pose) for model, pose in jobs if f"{model.name}/{pose}" not in scenes]
+    on_progress(len(scenes))
+    if not missing:
+        return list(scenes.values())
+    saved = time.monotonic()
+    try:
+        inputs = ((model, pose, settings.seed) for model, pose in missing)
+        for _, scene in run_parallel(_make_scene, inputs, workers):
+            if not isinstance(scene, Crash):
+                scenes[scene.key] = scene
+                on_progress(len(scenes))
+            if time.monotonic() - saved > _SAVE_EVERY:
+                save_scenes(path, scenes.values(), settings)
+                saved = time.monotonic()
+    finally:
+        if scenes:
+            save_scenes(path, scenes.values(), settings)
+    return [scenes[key] for model, pose in jobs if (key := f"{model.name}/{pose}") in scenes]
 
 
 def run_trials(

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ggcnn_net2net.atomic import replacing
 from ggcnn_net2net.errors import ObjectSetError
-from ggcnn_net2net.simulation.quiet import silence_output
+from ggcnn_net2net.quiet import silence_output
 
 Vertices = npt.NDArray[np.float64]
 

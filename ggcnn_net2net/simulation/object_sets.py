@@ -69,18 +69,6 @@ class ObjectSet:
         ]
         return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
 
-    def first(self, count: int | None) -> ObjectSet:
-        """The set's first `count` objects (all for None).
-
-        Raises:
-            ObjectSetError: the set has fewer.
-        """
-        if count is None:
-            return self
-        if not 1 <= count <= len(self.objects):
-            raise ObjectSetError(f"expected 1 to {len(self.objects)} objects of {self.name}, received {count}")
-        return ObjectSet(self.name, self.objects[:count])
-
 
 def load_object_set(spec: str, protocol: Protocol = PAPER) -> ObjectSet:
     """Load an object set by name or folder.

@@ -14,7 +14,7 @@ import pybullet_data
 from pybullet_utils.bullet_client import BulletClient
 
 from ggcnn_net2net.errors import SimulationError
-from ggcnn_net2net.simulation.quiet import silence_output
+from ggcnn_net2net.quiet import silence_output
 
 if TYPE_CHECKING:
     from ggcnn_net2net.simulation.object_sets import ObjectModel

@@ -1,4 +1,4 @@
-"""Keep what pybullet's C code prints out of the terminal and of piped output."""
+"""Keep what the C code of pybullet and TensorFlow prints out of the terminal and of piped output."""
 
 from __future__ import annotations
 
@@ -28,3 +28,11 @@ def silence_output() -> Iterator[None]:
         for descriptor, copy in saved.items():
             os.dup2(copy, descriptor)
             os.close(copy)
+
+
+def import_tensorflow() -> None:
+    """Import TensorFlow and Keras without the log lines that they write before logging can be configured."""
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    with silence_output():
+        import keras  # noqa: F401, PLC0415
+        import tensorflow  # noqa: F401, ICN001, PLC0415

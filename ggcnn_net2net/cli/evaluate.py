@@ -1,0 +1,129 @@
+"""`ggcnn-net2net evaluate ...`: single grasps, and the failures of a benchmark."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def evaluate() -> None:
+    """Try single grasps of a network and look at failures.
+
+    The whole benchmark of your own network is `ggcnn-net2net reproduce table1 --models original,FILE`.
+
+    Example: ggcnn-net2net evaluate grasp published --object mug --film mug.gif
+    """
+
+
+@evaluate.command()
+@click.argument("model")
+@OBJECTS
+@click.option("--object", "object_name", required=True, help="Name of the object within the set.")
+@click.option("--pose", default=0, show_default=True, type=click.IntRange(min=0), help="Index of its pose.")
+@SEED
+@PROTOCOL
+@click.option("--picture", type=click.Path(path_type=Path, dir_okay=False), help="Write the phases as a PNG.")
+@click.option("--film", type=click.Path(path_type=Path, dir_okay=False), help="Write a film: .gif or .mp4.")
+@click.option("--gui", is_flag=True, help="Show the simulation in a window (needs a display).")
+def grasp(
+    model: str,
+    objects_spec: str,
+    object_name: str,
+    pose: int,
+    seed: int,
+    protocol_name: str,
+    picture: Path | None,
+    film: Path | None,
+    gui: bool,
+) -> None:
+    """Let MODEL (a file, or "published") grasp one object; the scene is the one of `reproduce table1`.
+
+    \b
+    Example: ggcnn-net2net evaluate grasp published --object mug --picture mug.png --film mug.gif
+    """
+    from dataclasses import replace  # noqa: PLC0415
+
+    from ggcnn_net2net.errors import ObjectSetError  # noqa: PLC0415
+    from ggcnn_net2net.grasping import RSS_2018  # noqa: PLC0415
+    from ggcnn_net2net.inference import predict_grasps  # noqa: PLC0415
+    from ggcnn_net2net.model_files import load_ggcnn  # noqa: PLC0415
+    from ggcnn_net2net.protocol import protocol_named  # noqa: PLC0415
+    from ggcnn_net2net.quiet import import_tensorflow  # noqa: PLC0415
+    from ggcnn_net2net.simulation.object_sets import load_object_set  # noqa: PLC0415
+    from ggcnn_net2net.simulation.pictures import Film, save_strips, trial_strip  # noqa: PLC0415
+    from ggcnn_net2net.simulation.scenes import make_scene  # noqa: PLC0415
+    from ggcnn_net2net.simulation.world import World  # noqa: PLC0415
+
+    import_tensorflow()
+    protocol = protocol_named(protocol_name)
+    objects = load_object_set(objects_spec, protocol)
+    chosen = next((item for item in objects.objects if item.name == object_name), None)
+    if chosen is None:
+        names = ", ".join(item.name for item in objects.objects)
+        raise ObjectSetError(f"expected one of the objects {names}; received {object_name!r}")
+    network = load_ggcnn(model)
+    with World(gui=gui) as world:
+        scene = make_scene(world, chosen, pose, seed)
+        decoding = replace(RSS_2018, angle_window=protocol.sim_angle_window)
+        (found,) = predict_grasps(network, scene.depth[None], decoding)
+        recording = Film()
+        if film is not None:
+            recording.watch(world)
+        strip, result = trial_strip(world, scene, found, protocol)
+    click.echo(f"{scene.key}: {result.outcome}, {result.distance:.2f} m from the bin's centre, {result.steps} steps")
+    if found is not None and result.grasp is not None:
+        click.echo(
+            f"row {found.row:.0f}, column {found.col:.0f}, angle {found.angle:.2f} rad, opening {found.width_px:.0f} px "
+            f"= {result.grasp.opening:.3f} m, quality {found.quality:.2f}"
+        )
+    if picture is not None:
+        save_strips(picture, [strip])
+        click.echo(f"Written to {picture}")
+    if film is not None:
+        recording.save(film)
+        click.echo(f"Written to {film}")
+
+
+@evaluate.command()
+@click.argument("results", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@OBJECTS
+@PROTOCOL
+@click.option("--network", default="original", show_default=True, help="Row of the table.")
+@click.option("--count", default=10, show_default=True, type=click.IntRange(min=1), help="Most failures to draw.")
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="PNG to write.")
+def failures(results: Path, objects_spec: str, protocol_name: str, network: str, count: int, output: Path) -> None:
+    """Draw failed grasps of a finished benchmark, spread evenly over the objects, phase by phase.
+
+    \b
+    Example: ggcnn-net2net evaluate failures results/table1-procedural40-5poses-seed0-paper -o failures.png
+    """
+    from ggcnn_net2net.errors import ResultsError  # noqa: PLC0415
+    from ggcnn_net2net.protocol import protocol_named  # noqa: PLC0415
+    from ggcnn_net2net.reproduce.records import RecordFile  # noqa: PLC0415
+    from ggcnn_net2net.simulation.object_sets import load_object_set  # noqa: PLC0415
+    from ggcnn_net2net.simulation.pictures import save_strips, trial_strip  # noqa: PLC0415
+    from ggcnn_net2net.simulation.scenes import load_scenes  # noqa: PLC0415
+    from ggcnn_net2net.simulation.world import World  # noqa: PLC0415
+
+    protocol = protocol_named(protocol_name)
+    scenes = {scene.key: scene for scene in load_scenes(results / "scenes.h5", load_object_set(objects_spec, protocol))}
+    failed = [
+        record
+        for record in RecordFile(results / "grasps.csv").read()
+        if record.model == network and not record.success and f"{record.object}/{record.pose}" in scenes
+    ]
+    if not failed:
+        raise ResultsError(f"expected failures of {network!r} in {results}, found none")
+    chosen = [failed[index * len(failed) // count] for index in range(count)] if count < len(failed) else failed
+    strips = []
+    with World() as world:
+        for record in chosen:
+            scene = scenes[f"{record.object}/{record.pose}"]
+            strip, _ = trial_strip(world, scene, record.grasp, protocol)
+            strips.append(strip)
+    save_strips(output, strips)
+    click.echo(f"{len(chosen)} of {len(failed)} failures written to {output}")

@@ -1,0 +1,74 @@
+"""`ggcnn-net2net`, the command that leads to all others."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+import click
+
+from ggcnn_net2net._version import __version__
+from ggcnn_net2net.errors import GGCNNError
+
+# name -> (module, attribute, help); a module is imported only when its command runs, so --help is quick.
+COMMANDS = {
+    "reproduce": ("reproduce", "reproduce", "Make the paper's tables and figures again."),
+    "evaluate": ("evaluate", "evaluate", "Try single grasps of a network and look at failures."),
+    "objects": ("objects", "objects", "Show an object set: a table and a contact sheet."),
+    "inspect": ("inspect", "inspect_command", "Tell what a model file holds."),
+    "grow": ("grow", "grow_command", "Apply Net2Net operations to a model file."),
+}
+INTERRUPTED = 130
+
+
+class LazyGroup(click.Group):
+    """A group that imports a subcommand's module when the subcommand is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Names of all subcommands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import and return a subcommand."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, attribute, _ = COMMANDS[cmd_name]
+        command: click.Command = getattr(import_module(f"ggcnn_net2net.cli.{module}"), attribute)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """List the subcommands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
+
+
+@click.command(cls=LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="ggcnn-net2net")
+@click.pass_context
+def cli(context: click.Context) -> None:
+    """Grow, shrink and judge GG-CNN grasp networks.
+
+    Start here: `ggcnn-net2net reproduce table1` evaluates the published network on 40 objects x 5 poses.
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    run(cli, "ggcnn-net2net")
+
+
+def run(command: click.Command, name: str) -> None:
+    """Run a command; end the process with 0 (done), 1 (an error of ours), 2 (wrong usage) or 130 (Ctrl-C)."""
+    try:
+        sys.exit(command.main(prog_name=name, standalone_mode=False) or 0)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("Interrupted.", err=True)
+        sys.exit(INTERRUPTED)
+    except GGCNNError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(1)

@@ -1,0 +1,87 @@
+"""`ggcnn-net2net reproduce ...`: the paper's tables and figures."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+import click
+
+from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED, WORKERS
+
+CRASHED = 3
+"""Exit code of a run that ended, but lost grasps to worker processes that died."""
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def reproduce() -> None:
+    """Make the paper's tables and figures again.
+
+    Example: python -m ggcnn_net2net.reproduce table1
+    """
+
+
+@reproduce.command()
+@OBJECTS
+@click.option("--poses", default=5, show_default=True, type=click.IntRange(min=1), help="Poses of each object.")
+@SEED
+@WORKERS
+@click.option(
+    "--models",
+    default="original,extended,optimized",
+    show_default=True,
+    metavar="NAMES",
+    help="Networks of the table, separated by commas: original (the published one), extended, optimized, or paths of "
+    "your own model files.",
+)
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder of the results. A second run with the same folder does only what is missing. "
+    "[default: results/table1-SET-POSESposes-seedSEED-PROTOCOL]",
+)
+@PROTOCOL
+def table1(
+    objects_spec: str, poses: int, seed: int, workers: int, models: str, output: Path | None, protocol_name: str
+) -> int:
+    """Table I: success of networks that grasp 40 objects in 5 poses each, in simulation.
+
+    \b
+    Examples:
+      python -m ggcnn_net2net.reproduce table1
+      python -m ggcnn_net2net.reproduce table1 --objects ycb40 --models original,my_network.hdf5
+    """
+    from rich.console import Console  # noqa: PLC0415  # --help must not wait for any of these
+
+    from ggcnn_net2net.cli.progress import stages  # noqa: PLC0415
+    from ggcnn_net2net.protocol import protocol_named  # noqa: PLC0415
+    from ggcnn_net2net.quiet import import_tensorflow  # noqa: PLC0415
+    from ggcnn_net2net.reproduce.networks import load_networks  # noqa: PLC0415
+    from ggcnn_net2net.reproduce.report import rich_table  # noqa: PLC0415
+    from ggcnn_net2net.reproduce.table1 import run_table1  # noqa: PLC0415
+    from ggcnn_net2net.simulation.object_sets import load_object_set  # noqa: PLC0415
+
+    import_tensorflow()
+    protocol = protocol_named(protocol_name)
+    networks = load_networks(name.strip() for name in models.split(","))
+    objects = load_object_set(objects_spec, protocol)
+    if output is None:
+        name = f"table1-{objects.name}-{poses}poses-seed{seed}-{protocol.name.lower()}"
+        output = Path("results") / name
+    console = Console()
+    with stages(console) as progress:
+        table = run_table1(
+            networks,
+            objects,
+            output,
+            poses=poses,
+            seed=seed,
+            protocol=protocol,
+            workers=workers,
+            command=shlex.join(["python -m ggcnn_net2net.reproduce", *sys.argv[1:]]).replace("'", ""),
+            on_progress=progress,
+        )
+    console.print(rich_table(table))
+    console.print(f"Written to {output}: results.json, grasps.csv, table1.md, table1.png, scenes.h5")
+    return CRASHED if table.crashed else 0

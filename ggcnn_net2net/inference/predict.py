@@ -1,0 +1,49 @@
+"""Run a GG-CNN on depth images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ggcnn_net2net.grasping import RSS_2018, Decoding, Grasp, decode_maps
+
+if TYPE_CHECKING:
+    import keras
+
+
+def predict_maps(model: keras.Model, inputs: npt.NDArray[np.floating]) -> Iterator[npt.NDArray[np.float32]]:
+    """Yield the four maps of each image, one image at a time, so that a result does not depend on its batch.
+
+    Args:
+        model: a GG-CNN.
+        inputs: (n, H, W) network inputs: depth in metres minus the image's mean.
+
+    Yields:
+        (4, H, W): quality, cos 2θ, sin 2θ, width / 150 px.
+    """
+    import tensorflow as tf  # noqa: PLC0415
+
+    network = tf.function(lambda image: tf.stack(model(image, training=False), axis=0), reduce_retracing=True)
+    for image in inputs:
+        yield network(image[None, ..., None].astype(np.float32)).numpy()[:, 0, ..., 0]
+
+
+def predict_grasps(
+    model: keras.Model, depth: npt.NDArray[np.floating], decoding: Decoding = RSS_2018
+) -> list[Grasp | None]:
+    """The best grasp of each depth image.
+
+    Args:
+        model: a GG-CNN.
+        depth: (n, H, W) metres, of the network's input size. Each image's mean is subtracted, as in the paper's
+            simulator.
+        decoding: constants of the decoding.
+
+    Returns:
+        n grasps in pixels; None where the network sees none.
+    """
+    inputs = depth - depth.mean(axis=(1, 2), keepdims=True)
+    return [next(iter(decode_maps(*maps, decoding=decoding)), None) for maps in predict_maps(model, inputs)]

@@ -1,0 +1,167 @@
+"""Results of Table I as data: what was run, and what came of it."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from ggcnn_net2net import __version__
+from ggcnn_net2net.atomic import write_text
+from ggcnn_net2net.errors import ResultsError
+from ggcnn_net2net.protocol import Protocol
+from ggcnn_net2net.model_files import PUBLISHED_SHA256
+from ggcnn_net2net.reproduce.networks import Network, short_hash
+from ggcnn_net2net.reproduce.paper import TABLE1, PaperRow
+from ggcnn_net2net.reproduce.records import GraspRecord
+from ggcnn_net2net.reproduce.statistics import PairedComparison, Rate
+from ggcnn_net2net.simulation.scenes import SceneSettings
+from ggcnn_net2net.simulation.trial import Outcome
+
+Records = dict[tuple[str, int], GraspRecord]
+"""Records of one network by object and pose."""
+
+
+@dataclass(frozen=True)
+class Table1Row:
+    """One network of the table."""
+
+    network: Network
+    outcomes: Counter[str]
+    """Trials by outcome."""
+    success: Rate
+    """The paper's rule: within 0.7 m of the bin's centre."""
+    in_bin: Rate
+    """The stricter rule: between the bin's walls."""
+    paper: PaperRow | None
+    comparison: PairedComparison | None
+    """With the published network on the same scenes; None for itself, and where it was not run."""
+
+    @property
+    def crashed(self) -> int:
+        """Trials lost because a worker process died."""
+        return self.outcomes[Outcome.CRASHED.value]
+
+
+@dataclass(frozen=True)
+class Table1:
+    """The table and what it was made of."""
+
+    scenes: SceneSettings
+    protocol: Protocol
+    rows: tuple[Table1Row, ...]
+
+    @property
+    def crashed(self) -> int:
+        """Trials of all networks lost because a worker process died."""
+        return sum(row.crashed for row in self.rows)
+
+
+def summarise(
+    networks: Sequence[Network], records: Iterable[GraspRecord], scenes: SceneSettings, protocol: Protocol
+) -> Table1:
+    """Count the records of each network."""
+    by_weights: dict[str, dict[tuple[str, int], GraspRecord]] = {}
+    for record in records:
+        by_weights.setdefault(record.weights, {})[record.object, record.pose] = record
+    reference = by_weights.get(short_hash(PUBLISHED_SHA256), {})
+    return Table1(
+        scenes, protocol, tuple(_row(network, by_weights.get(network.weights, {}), reference) for network in networks)
+    )
+
+
+def _row(network: Network, own: Records, reference: Records) -> Table1Row:
+    common = [key for key in reference if key in own] if own is not reference else []
+    return Table1Row(
+        network,
+        Counter(record.outcome for record in own.values()),
+        Rate(sum(record.success for record in own.values()), len(own)),
+        Rate(sum(record.in_bin for record in own.values()), len(own)),
+        TABLE1.get(network.name),
+        PairedComparison.of([reference[key].success for key in common], [own[key].success for key in common])
+        if common
+        else None,
+    )
+
+
+def settings_of(scenes: SceneSettings, protocol: Protocol) -> dict[str, Any]:
+    """Everything that a results folder's rows have in common."""
+    return {"scenes": asdict(scenes), "protocol": protocol.as_dict(), "versions": versions()}
+
+
+def versions() -> dict[str, str]:
+    """Versions of what decides a result."""
+    found = {"ggcnn_net2net": __version__, "python": platform.python_version()}
+    for package in ("tensorflow", "keras", "pybullet", "numpy", "scipy", "scikit-image"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            # tensorflow-cpu brings the module under another distribution's name
+            found[package] = version(f"{package}-cpu")
+    return found
+
+
+def check_settings(path: Path, settings: dict[str, Any]) -> None:
+    """Refuse to continue a results folder that was made in another way.
+
+    Raises:
+        ResultsError: other scenes, protocol or versions.
+    """
+    if not path.is_file():
+        return
+    try:
+        before = json.loads(path.read_text(encoding="utf-8"))["settings"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise ResultsError(f"cannot read {path}: {error!r}; choose another --output") from error
+    for name, value in settings.items():
+        if before.get(name) != value:
+            raise ResultsError(
+                f"expected to continue {path.parent} with the {name} it was begun with, {before.get(name)}, received "
+                f"{value}: choose another --output"
+            )
+
+
+def write_results(path: Path, table: Table1, settings: dict[str, Any], command: str, finished: bool) -> None:
+    """Write results.json."""
+    content = {
+        "experiment": "table1",
+        "finished": finished,
+        "command": command,
+        "settings": settings,
+        "networks": [_row_as_dict(row) for row in table.rows],
+    }
+    write_text(path, json.dumps(content, indent=2) + "\n")
+
+
+def _row_as_dict(row: Table1Row) -> dict[str, Any]:
+    network, comparison = row.network, row.comparison
+    return {
+        "name": network.name,
+        "architecture": network.architecture,
+        "parameters": network.parameters,
+        "file": network.file,
+        "sha256": network.sha256,
+        "note": network.note,
+        "success": _rate_as_dict(row.success),
+        "in_bin": _rate_as_dict(row.in_bin),
+        "outcomes": dict(sorted(row.outcomes.items())),
+        "paper": asdict(row.paper) if row.paper else None,
+        "against_original": {**asdict(comparison), "mcnemar_exact_p": comparison.p_value} if comparison else None,
+    }
+
+
+def _rate_as_dict(rate: Rate) -> dict[str, Any] | None:
+    if not rate.trials:
+        return None
+    low, high = rate.interval
+    return {
+        "successes": rate.successes,
+        "trials": rate.trials,
+        "rate": rate.value,
+        "wilson_95": [low, high],
+    }

@@ -1,0 +1,109 @@
+"""Table I: success of GG-CNNs in the simulated benchmark, beside the paper's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ggcnn_net2net.grasping import RSS_2018
+from ggcnn_net2net.inference import predict_grasps
+from ggcnn_net2net.protocol import PAPER, Protocol
+from ggcnn_net2net.reproduce.networks import Network
+from ggcnn_net2net.reproduce.records import GraspRecord, RecordFile
+from ggcnn_net2net.reproduce.report import write_chart, write_markdown
+from ggcnn_net2net.reproduce.results import Table1, check_settings, settings_of, summarise, write_results
+from ggcnn_net2net.simulation.benchmark import prepare_scenes, run_trials
+from ggcnn_net2net.simulation.object_sets import ObjectSet
+from ggcnn_net2net.simulation.scenes import Scene, SceneSettings, depth_images
+from ggcnn_net2net.simulation.trial import Outcome
+
+Progress = Callable[[str, int, int], None]
+"""Called with the name of a stage, the number of items done and their total."""
+
+
+def run_table1(
+    networks: Sequence[Network],
+    objects: ObjectSet,
+    output: Path,
+    *,
+    poses: int = 5,
+    seed: int = 0,
+    protocol: Protocol = PAPER,
+    workers: int = 1,
+    command: str = "",
+    on_progress: Progress = lambda stage, done, total: None,
+) -> Table1:
+    """Judge networks on the same scenes and write the results.
+
+    Grasps that `output` already holds are not run again, so an interrupted run goes on where it stopped, and a network
+    can be added to a finished table.
+
+    Args:
+        networks: rows of the table; those without weights stay empty.
+        objects: what is grasped.
+        output: folder for results.json, grasps.csv (a row a grasp), table1.md, table1.png and scenes.h5.
+        poses: random poses of each object.
+        seed: of the scenes.
+        protocol: see `Protocol`.
+        workers: processes for the simulation.
+        command: how the user started it, for the record.
+        on_progress: told about every scene and grasp.
+
+    Returns:
+        The table. Where worker processes died, `Table1.crashed` trials are missing; running again repeats them.
+
+    Raises:
+        ResultsError: `output` holds results of another experiment.
+        SceneError: `output` holds other scenes.
+    """
+    scene_settings = SceneSettings.of(objects, poses, seed)
+    settings = settings_of(scene_settings, protocol)
+    results_file, records_file = output / "results.json", RecordFile(output / "grasps.csv")
+    check_settings(results_file, settings)
+    records = {record.key: record for record in records_file.read() if record.outcome != Outcome.CRASHED}
+    table = summarise(networks, records.values(), scene_settings, protocol)
+    write_results(results_file, table, settings, command, finished=False)
+    records_file.rewrite(records.values())
+
+    places = [(model, pose) for model in objects.objects for pose in range(poses)]
+    scenes = prepare_scenes(
+        output / "scenes.h5", objects, scene_settings, workers, lambda done: on_progress("scenes", done, len(places))
+    )
+    for network in networks:
+        if network.model is None:
+            continue
+        missing = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in records]
+        done = len(scenes) - len(missing)
+        on_progress(network.name, done, len(places))
+        for record in _judge(network, missing, protocol, workers):
+            records[record.key] = record
+            records_file.append(record)
+            done += 1
+            on_progress(network.name, done, len(places))
+        # What is missing still has no scene, because workers died making it.
+        for model, pose in places:
+            lost = GraspRecord.lost(network.name, network.weights, model, pose)
+            records.setdefault(lost.key, lost)
+
+    place_of = {(model.name, pose): place for place, (model, pose) in enumerate(places)}
+    ordered = sorted(records.values(), key=lambda record: (record.model, place_of[record.object, record.pose]))
+    table = summarise(networks, ordered, scene_settings, protocol)
+    records_file.rewrite(ordered)
+    write_results(results_file, table, settings, command, finished=table.crashed == 0)
+    write_markdown(output / "table1.md", table, command, settings["versions"])
+    write_chart(output / "table1.png", table)
+    return table
+
+
+def _judge(
+    network: Network, scenes: Sequence[Scene], protocol: Protocol, workers: int
+) -> Iterator[GraspRecord]:
+    """Predict a grasp for every scene and execute it."""
+    if not scenes:
+        return
+    decoding = replace(RSS_2018, angle_window=protocol.sim_angle_window)
+    grasps = predict_grasps(network.model, depth_images(scenes), decoding)
+    for index, result in run_trials(scenes, grasps, protocol, workers):
+        scene = scenes[index]
+        yield GraspRecord.of(network.name, network.weights, scene.model, scene.pose, grasps[index], result)
