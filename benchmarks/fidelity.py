@@ -31,7 +31,9 @@ SIMULATED = ("sim_angle_window", "object_centre", "fingertip_clearance")
 def variants() -> list[Protocol]:
     """PAPER, PAPER with one simulated field of CORRECTED, CORRECTED."""
     corrected = asdict(CORRECTED)
-    single = [replace(PAPER, name=f"PAPER, {field}={corrected[field]}", **{field: corrected[field]}) for field in SIMULATED]
+    single = [
+        replace(PAPER, name=f"PAPER, {field}={corrected[field]}", **{field: corrected[field]}) for field in SIMULATED
+    ]
     return [PAPER, *single, CORRECTED]
 
 
@@ -40,7 +42,12 @@ def variants() -> list[Protocol]:
 @SEED
 @WORKERS
 @click.option("--poses", default=5, show_default=True, type=click.IntRange(min=1))
-@click.option("--output", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder for the results.")
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    required=True,
+    help="Folder for the results.",
+)
 def main(objects_spec: str, seed: int, workers: int, poses: int, output: Path) -> None:
     """Measure what each published choice costs."""
     import_tensorflow()
@@ -60,7 +67,10 @@ def main(objects_spec: str, seed: int, workers: int, poses: int, output: Path) -
         p_value = f"{PairedComparison.of(reference, success).p_value:.3f}" if same_scenes and index else "-"
         low, high = rate.interval
         table.add_row(
-            protocol.name, f"{rate.successes}/{rate.trials}", f"{rate.value:.3f} ({low:.3f}-{high:.3f})", p_value
+            protocol.name,
+            f"{rate.successes}/{rate.trials}",
+            f"{rate.value:.3f} ({low:.3f}-{high:.3f})",
+            p_value,
         )
     Console().print(table)
 

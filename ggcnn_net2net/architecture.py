@@ -27,12 +27,16 @@ INPUT_SIZE = 300
 _BASE_STRIDES = {9: 3, 5: 2, 3: 2}  # kernel size -> stride of the six base layers, down and up alike
 _LAYER = re.compile(r"(?P<kind>[CT])(?P<height>\d+)x(?P<width>\d+)x(?P<filters>\d+)(?:s(?P<stride>\d+))?\Z")
 _KERAS_CLASSES = {"C": "Conv2D", "T": "Conv2DTranspose"}
-_WITHOUT_WEIGHTS = {"InputLayer", "ZeroPadding2D", "Cropping2D"}  # the last two: padding of the PyTorch GG-CNN
+_WITHOUT_WEIGHTS = {
+    "InputLayer",
+    "ZeroPadding2D",
+    "Cropping2D",
+}  # the last two: padding of the PyTorch GG-CNN
 
 
 @dataclass(frozen=True)
 class ConvLayer:
-    """One hidden layer: `kind` "C" (Conv2D) or "T" (Conv2DTranspose), 'same' padding, relu, the same stride both ways."""
+    """One hidden layer: `kind` "C" (Conv2D) or "T" (Conv2DTranspose), 'same' padding, relu, equal strides both ways."""
 
     kind: str
     kernel_size: tuple[int, int]
@@ -62,7 +66,7 @@ class Architecture:
         for layer in self.layers:
             if layer.kind not in _KERAS_CLASSES or min(*layer.kernel_size, layer.filters, layer.stride) < 1:
                 raise ArchitectureError(
-                    f"expected layers of kind C or T with kernel size, filters and stride of 1 or more, received {layer}"
+                    f"expected layers of kind C or T with kernel size, filters and stride above 0, received {layer}"
                 )
 
     @classmethod
@@ -152,7 +156,7 @@ def build_ggcnn(
     Raises:
         ArchitectureError: the output would not have the size of the input.
     """
-    import keras  # noqa: PLC0415  # importing the package must not import TensorFlow
+    import keras  # importing the package must not import TensorFlow
 
     if isinstance(architecture, str):
         architecture = Architecture.parse(architecture)

@@ -15,6 +15,10 @@ class ArchitectureError(GGCNNError):
     """An architecture string, or a model, that does not describe a GG-CNN."""
 
 
+class SurgeryError(GGCNNError):
+    """A Net2Net operation that cannot be applied: no such layer, or one that cannot be changed without loss."""
+
+
 class ModelFileError(GGCNNError):
     """A model file that cannot be read, is damaged, or does not hold a GG-CNN."""
 

@@ -58,7 +58,8 @@ def run_parallel(
                 start(*item, 1)
             if not running:
                 break
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            wait(running, return_when=FIRST_COMPLETED)
+            for future in [future for future in running if future.done()]:
                 index, values, attempt = running.pop(future)
                 error = future.exception()
                 if not isinstance(error, ProcessExpired):

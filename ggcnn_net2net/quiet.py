@@ -12,7 +12,7 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def silence_output() -> Iterator[None]:
-    """Send everything that reaches file descriptors 1 and 2 within the block, C buffers included, to the null device."""
+    """Drop everything that reaches file descriptors 1 and 2 within the block, C buffers included."""
     sys.stdout.flush()
     sys.stderr.flush()
     libc = ctypes.CDLL(None) if os.name == "posix" else None
@@ -34,5 +34,5 @@ def import_tensorflow() -> None:
     """Import TensorFlow and Keras without the log lines that they write before logging can be configured."""
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     with silence_output():
-        import keras  # noqa: F401, PLC0415
-        import tensorflow  # noqa: F401, ICN001, PLC0415
+        import keras  # noqa: F401
+        import tensorflow  # noqa: F401

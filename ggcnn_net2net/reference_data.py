@@ -12,7 +12,14 @@ from pathlib import Path
 
 import platformdirs
 import requests
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
+from rich.progress import (
+    BarColumn,
+    DownloadColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+    TransferSpeedColumn,
+)
 
 from ggcnn_net2net.errors import DataNotFoundError, VerificationError
 
@@ -108,7 +115,10 @@ def _transfer(url: str, part: Path) -> None:
         offset = offset if resumed else 0
         total = offset + int(response.headers.get("Content-Length", 0)) or None
         columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-        with Progress(*columns, TimeRemainingColumn()) as progress, part.open("ab" if resumed else "wb") as stream:
+        with (
+            Progress(*columns, TimeRemainingColumn()) as progress,
+            part.open("ab" if resumed else "wb") as stream,
+        ):
             task = progress.add_task(f"download {url.rsplit('/', 1)[-1]}", total=total, completed=offset)
             for block in response.iter_content(chunk_size=1 << 16):
                 stream.write(block)

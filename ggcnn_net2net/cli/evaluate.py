@@ -45,18 +45,18 @@ def grasp(
     \b
     Example: ggcnn-net2net evaluate grasp published --object mug --picture mug.png --film mug.gif
     """
-    from dataclasses import replace  # noqa: PLC0415
+    from dataclasses import replace
 
-    from ggcnn_net2net.errors import ObjectSetError  # noqa: PLC0415
-    from ggcnn_net2net.grasping import RSS_2018  # noqa: PLC0415
-    from ggcnn_net2net.inference import predict_grasps  # noqa: PLC0415
-    from ggcnn_net2net.model_files import load_ggcnn  # noqa: PLC0415
-    from ggcnn_net2net.protocol import protocol_named  # noqa: PLC0415
-    from ggcnn_net2net.quiet import import_tensorflow  # noqa: PLC0415
-    from ggcnn_net2net.simulation.object_sets import load_object_set  # noqa: PLC0415
-    from ggcnn_net2net.simulation.pictures import Film, save_strips, trial_strip  # noqa: PLC0415
-    from ggcnn_net2net.simulation.scenes import make_scene  # noqa: PLC0415
-    from ggcnn_net2net.simulation.world import World  # noqa: PLC0415
+    from ggcnn_net2net.errors import ObjectSetError
+    from ggcnn_net2net.grasping import RSS_2018
+    from ggcnn_net2net.inference import predict_grasps
+    from ggcnn_net2net.model_files import load_ggcnn
+    from ggcnn_net2net.protocol import protocol_named
+    from ggcnn_net2net.quiet import import_tensorflow
+    from ggcnn_net2net.simulation.object_sets import load_object_set
+    from ggcnn_net2net.simulation.pictures import Film, save_strips, trial_strip
+    from ggcnn_net2net.simulation.scenes import make_scene
+    from ggcnn_net2net.simulation.world import World
 
     import_tensorflow()
     protocol = protocol_named(protocol_name)
@@ -77,7 +77,7 @@ def grasp(
     click.echo(f"{scene.key}: {result.outcome}, {result.distance:.2f} m from the bin's centre, {result.steps} steps")
     if found is not None and result.grasp is not None:
         click.echo(
-            f"row {found.row:.0f}, column {found.col:.0f}, angle {found.angle:.2f} rad, opening {found.width_px:.0f} px "
+            f"row {found.row:.0f}, col {found.col:.0f}, angle {found.angle:.2f} rad, opening {found.width_px:.0f} px "
             f"= {result.grasp.opening:.3f} m, quality {found.quality:.2f}"
         )
     if picture is not None:
@@ -101,13 +101,13 @@ def failures(results: Path, objects_spec: str, protocol_name: str, network: str,
     \b
     Example: ggcnn-net2net evaluate failures results/table1-procedural40-5poses-seed0-paper -o failures.png
     """
-    from ggcnn_net2net.errors import ResultsError  # noqa: PLC0415
-    from ggcnn_net2net.protocol import protocol_named  # noqa: PLC0415
-    from ggcnn_net2net.reproduce.records import RecordFile  # noqa: PLC0415
-    from ggcnn_net2net.simulation.object_sets import load_object_set  # noqa: PLC0415
-    from ggcnn_net2net.simulation.pictures import save_strips, trial_strip  # noqa: PLC0415
-    from ggcnn_net2net.simulation.scenes import load_scenes  # noqa: PLC0415
-    from ggcnn_net2net.simulation.world import World  # noqa: PLC0415
+    from ggcnn_net2net.errors import ResultsError
+    from ggcnn_net2net.protocol import protocol_named
+    from ggcnn_net2net.reproduce.records import RecordFile
+    from ggcnn_net2net.simulation.object_sets import load_object_set
+    from ggcnn_net2net.simulation.pictures import save_strips, trial_strip
+    from ggcnn_net2net.simulation.scenes import load_scenes
+    from ggcnn_net2net.simulation.world import World
 
     protocol = protocol_named(protocol_name)
     scenes = {scene.key: scene for scene in load_scenes(results / "scenes.h5", load_object_set(objects_spec, protocol))}

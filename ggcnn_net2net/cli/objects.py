@@ -19,12 +19,12 @@ def objects(objects_spec: str, sheet: Path | None, protocol_name: str) -> None:
     \b
     Example: ggcnn-net2net objects procedural40 --sheet objects.png
     """
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
+    from rich.console import Console
+    from rich.table import Table
 
-    from ggcnn_net2net.protocol import protocol_named  # noqa: PLC0415
-    from ggcnn_net2net.simulation.meshes import read_parts  # noqa: PLC0415
-    from ggcnn_net2net.simulation.object_sets import load_object_set  # noqa: PLC0415
+    from ggcnn_net2net.protocol import protocol_named
+    from ggcnn_net2net.simulation.meshes import read_parts
+    from ggcnn_net2net.simulation.object_sets import load_object_set
 
     found = load_object_set(objects_spec, protocol_named(protocol_name))
     table = Table(title=f"{found.name}: {len(found.objects)} objects", caption=f"fingerprint {found.fingerprint}")
@@ -36,7 +36,7 @@ def objects(objects_spec: str, sheet: Path | None, protocol_name: str) -> None:
     console = Console()
     console.print(table)
     if sheet is not None:
-        from ggcnn_net2net.simulation.pictures import contact_sheet  # noqa: PLC0415
+        from ggcnn_net2net.simulation.pictures import contact_sheet
 
         contact_sheet(sheet, found)
         console.print(f"Written to {sheet}")

@@ -14,9 +14,7 @@ OBJECTS = click.option(
     metavar="SET",
     help="procedural40, pybullet, ycb40, shapenetsem:FOLDER, or a folder of meshes with an objects.csv.",
 )
-SEED = click.option(
-    "--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed of the scenes."
-)
+SEED = click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed of the scenes.")
 PROTOCOL = click.option(
     "--protocol",
     "protocol_name",

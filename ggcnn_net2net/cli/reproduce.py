@@ -43,7 +43,13 @@ def reproduce() -> None:
 )
 @PROTOCOL
 def table1(
-    objects_spec: str, poses: int, seed: int, workers: int, models: str, output: Path | None, protocol_name: str
+    objects_spec: str,
+    poses: int,
+    seed: int,
+    workers: int,
+    models: str,
+    output: Path | None,
+    protocol_name: str,
 ) -> int:
     """Table I: success of networks that grasp 40 objects in 5 poses each, in simulation.
 
@@ -52,15 +58,15 @@ def table1(
       python -m ggcnn_net2net.reproduce table1
       python -m ggcnn_net2net.reproduce table1 --objects ycb40 --models original,my_network.hdf5
     """
-    from rich.console import Console  # noqa: PLC0415  # --help must not wait for any of these
+    from rich.console import Console  # --help must not wait for any of these
 
-    from ggcnn_net2net.cli.progress import stages  # noqa: PLC0415
-    from ggcnn_net2net.protocol import protocol_named  # noqa: PLC0415
-    from ggcnn_net2net.quiet import import_tensorflow  # noqa: PLC0415
-    from ggcnn_net2net.reproduce.networks import load_networks  # noqa: PLC0415
-    from ggcnn_net2net.reproduce.report import rich_table  # noqa: PLC0415
-    from ggcnn_net2net.reproduce.table1 import run_table1  # noqa: PLC0415
-    from ggcnn_net2net.simulation.object_sets import load_object_set  # noqa: PLC0415
+    from ggcnn_net2net.cli.progress import stages
+    from ggcnn_net2net.protocol import protocol_named
+    from ggcnn_net2net.quiet import import_tensorflow
+    from ggcnn_net2net.reproduce.networks import load_networks
+    from ggcnn_net2net.reproduce.report import rich_table
+    from ggcnn_net2net.reproduce.table1 import run_table1
+    from ggcnn_net2net.simulation.object_sets import load_object_set
 
     import_tensorflow()
     protocol = protocol_named(protocol_name)

@@ -3,4 +3,12 @@
 from ggcnn_net2net.grasping.decoding import RSS_2018, Decoding, decode_maps
 from ggcnn_net2net.grasping.geometry import Grasp, grasp_to_rectangle, rectangle_to_grasp, wrap_angle
 
-__all__ = ["RSS_2018", "Decoding", "Grasp", "decode_maps", "grasp_to_rectangle", "rectangle_to_grasp", "wrap_angle"]
+__all__ = [
+    "RSS_2018",
+    "Decoding",
+    "Grasp",
+    "decode_maps",
+    "grasp_to_rectangle",
+    "rectangle_to_grasp",
+    "wrap_angle",
+]

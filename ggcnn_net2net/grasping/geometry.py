@@ -54,7 +54,7 @@ def grasp_to_rectangle(grasp: Grasp, jaw_px: float | None = None) -> npt.NDArray
     along_jaw = np.array([np.cos(grasp.angle), np.sin(grasp.angle)])
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
     corners = np.outer(signs[:, 0] * grasp.width_px, closing) + np.outer(signs[:, 1] * jaw_px, along_jaw)
-    return corners + (grasp.row, grasp.col)
+    return corners + np.array([grasp.row, grasp.col])
 
 
 def rectangle_to_grasp(corners: npt.ArrayLike) -> tuple[Grasp, float]:

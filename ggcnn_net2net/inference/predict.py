@@ -24,7 +24,7 @@ def predict_maps(model: keras.Model, inputs: npt.NDArray[np.floating]) -> Iterat
     Yields:
         (4, H, W): quality, cos 2θ, sin 2θ, width / 150 px.
     """
-    import tensorflow as tf  # noqa: PLC0415
+    import tensorflow as tf
 
     network = tf.function(lambda image: tf.stack(model(image, training=False), axis=0), reduce_retracing=True)
     for image in inputs:
@@ -46,4 +46,8 @@ def predict_grasps(
         n grasps in pixels; None where the network sees none.
     """
     inputs = depth - depth.mean(axis=(1, 2), keepdims=True)
-    return [next(iter(decode_maps(*maps, decoding=decoding)), None) for maps in predict_maps(model, inputs)]
+    found = (
+        decode_maps(quality, cos, sin, width, decoding=decoding)
+        for quality, cos, sin, width in predict_maps(model, inputs)
+    )
+    return [grasps[0] if grasps else None for grasps in found]

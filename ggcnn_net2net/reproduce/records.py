@@ -19,7 +19,7 @@ from ggcnn_net2net.simulation.trial import Outcome, TrialResult
 
 @dataclass(frozen=True)
 class GraspRecord:
-    """A grasp trial. Pixels in the 300x300 image, angles in radians, lengths in metres; None where nothing was found."""
+    """A grasp trial. Pixels in the 300x300 image, angles in radians, lengths in metres; None where there is none."""
 
     model: str
     weights: str
@@ -30,7 +30,7 @@ class GraspRecord:
     outcome: str
     success: bool
     in_bin: bool
-    distance: float | None
+    distance: float
     row: float | None
     col: float | None
     angle: float | None
@@ -59,29 +59,33 @@ class GraspRecord:
         cls, model: str, weights: str, item: ObjectModel, pose: int, grasp: Grasp | None, result: TrialResult
     ) -> GraspRecord:
         """Record of one trial."""
-        point = result.grasp.point if result.grasp else (None, None, None)
+        place = result.grasp
         return cls(
-            model,
-            weights,
-            item.name,
-            item.category,
-            pose,
-            result.outcome.value,
-            result.success,
-            result.in_bin,
-            result.distance,
-            *((grasp.row, grasp.col, grasp.angle, grasp.width_px, grasp.quality) if grasp else (None,) * 5),
-            *point,
-            result.grasp.opening if result.grasp else None,
-            result.steps,
+            model=model,
+            weights=weights,
+            object=item.name,
+            category=item.category,
+            pose=pose,
+            outcome=result.outcome.value,
+            success=result.success,
+            in_bin=result.in_bin,
+            distance=result.distance,
+            row=grasp.row if grasp else None,
+            col=grasp.col if grasp else None,
+            angle=grasp.angle if grasp else None,
+            width_px=grasp.width_px if grasp else None,
+            quality=grasp.quality if grasp else None,
+            x=place.point[0] if place else None,
+            y=place.point[1] if place else None,
+            z=place.point[2] if place else None,
+            opening=place.opening if place else None,
+            steps=result.steps,
         )
 
     @classmethod
     def lost(cls, model: str, weights: str, item: ObjectModel, pose: int) -> GraspRecord:
         """Record of a trial for which there is no scene, because the worker that made it died."""
-        return cls(
-            model, weights, item.name, item.category, pose, Outcome.CRASHED.value, False, False, *(None,) * 10, steps=0
-        )
+        return cls.of(model, weights, item, pose, None, TrialResult(Outcome.CRASHED, False, False, float("nan"), 0))
 
 
 COLUMNS = tuple(field.name for field in fields(GraspRecord))
@@ -116,7 +120,9 @@ class RecordFile:
         try:
             return [_parse(row) for row in rows[1:]]
         except (ValueError, KeyError) as error:
-            raise ResultsError(f"cannot read {self.path}: {error!r}; remove the file, and its grasps run again") from error
+            raise ResultsError(
+                f"cannot read {self.path}: {error!r}; remove the file, and its grasps run again"
+            ) from error
 
     def rewrite(self, records: Iterable[GraspRecord]) -> None:
         """Replace the file by these records, whole or not at all."""

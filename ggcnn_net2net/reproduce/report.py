@@ -79,7 +79,7 @@ def write_markdown(path: Path, table: Table1, command: str, versions: dict[str, 
 
 def write_chart(path: Path, table: Table1) -> None:
     """Write a bar chart: our rates with their intervals beside the paper's."""
-    from matplotlib.figure import Figure  # noqa: PLC0415  # slow to import
+    from matplotlib.figure import Figure  # slow to import
 
     figure = Figure(figsize=(1.6 + 1.6 * len(table.rows), 4), layout="constrained")
     axes = figure.subplots()

@@ -14,8 +14,8 @@ from typing import Any
 from ggcnn_net2net import __version__
 from ggcnn_net2net.atomic import write_text
 from ggcnn_net2net.errors import ResultsError
-from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.model_files import PUBLISHED_SHA256
+from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.reproduce.networks import Network, short_hash
 from ggcnn_net2net.reproduce.paper import TABLE1, PaperRow
 from ggcnn_net2net.reproduce.records import GraspRecord
@@ -71,7 +71,9 @@ def summarise(
         by_weights.setdefault(record.weights, {})[record.object, record.pose] = record
     reference = by_weights.get(short_hash(PUBLISHED_SHA256), {})
     return Table1(
-        scenes, protocol, tuple(_row(network, by_weights.get(network.weights, {}), reference) for network in networks)
+        scenes,
+        protocol,
+        tuple(_row(network, by_weights.get(network.weights, {}), reference) for network in networks),
     )
 
 

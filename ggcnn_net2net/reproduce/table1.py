@@ -32,7 +32,7 @@ def run_table1(
     protocol: Protocol = PAPER,
     workers: int = 1,
     command: str = "",
-    on_progress: Progress = lambda stage, done, total: None,
+    on_progress: Progress = lambda *_: None,
 ) -> Table1:
     """Judge networks on the same scenes and write the results.
 
@@ -68,7 +68,11 @@ def run_table1(
 
     places = [(model, pose) for model in objects.objects for pose in range(poses)]
     scenes = prepare_scenes(
-        output / "scenes.h5", objects, scene_settings, workers, lambda done: on_progress("scenes", done, len(places))
+        output / "scenes.h5",
+        objects,
+        scene_settings,
+        workers,
+        lambda done: on_progress("scenes", done, len(places)),
     )
     for network in networks:
         if network.model is None:
@@ -96,9 +100,7 @@ def run_table1(
     return table
 
 
-def _judge(
-    network: Network, scenes: Sequence[Scene], protocol: Protocol, workers: int
-) -> Iterator[GraspRecord]:
+def _judge(network: Network, scenes: Sequence[Scene], protocol: Protocol, workers: int) -> Iterator[GraspRecord]:
     """Predict a grasp for every scene and execute it."""
     if not scenes:
         return

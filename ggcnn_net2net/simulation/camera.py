@@ -1,7 +1,8 @@
 """The benchmark's depth camera, and the geometry between its pixels and the world.
 
-Frame of the image: row 0 is the top, column 0 the left, integers at pixel centres (the public code of the paper takes
-the corner of a pixel instead, half a pixel = 2 mm off). Depth is the distance along the optical axis in metres.
+Frame of the image: row 0 is the top, column 0 the left. Depth is the distance along the optical axis in metres. The
+TinyRenderer samples a pixel at its left and lower edge, so column c shows the ray through c - width / 2 and row r the
+one through height / 2 - 1 - r (measured with boxes of known size; the public code of the paper is one row off).
 """
 
 from __future__ import annotations
@@ -72,8 +73,8 @@ class Camera:
         """World point (3,) seen at a pixel at the given depth."""
         camera = np.array(
             [
-                (col + 0.5 - self.width / 2) / self.focal_px * depth,
-                (self.height / 2 - row - 0.5) / self.focal_px * depth,
+                (col - self.width / 2) / self.focal_px * depth,
+                (self.height / 2 - 1 - row) / self.focal_px * depth,
                 -depth,
                 1.0,
             ]
@@ -85,7 +86,7 @@ class Camera:
         x, y, z, _ = self.T_camera_world @ np.append(np.asarray(point, dtype=np.float64), 1.0)
         depth = -z
         return (
-            float(self.height / 2 - 0.5 - y / depth * self.focal_px),
-            float(self.width / 2 - 0.5 + x / depth * self.focal_px),
+            float(self.height / 2 - 1 - y / depth * self.focal_px),
+            float(self.width / 2 + x / depth * self.focal_px),
             float(depth),
         )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,7 +56,15 @@ class GripperSpec:
         chain = ["world", "x", "y", "z", "roll", "pitch", "palm"]
         axes = ["1 0 0", "0 1 0", "0 0 1"] * 2
         joints = [
-            _joint(f"{child}_joint" if child != "palm" else "yaw_joint", kind, parent, child, axis, (-10, 10), self.force)
+            _joint(
+                f"{child}_joint" if child != "palm" else "yaw_joint",
+                kind,
+                parent,
+                child,
+                axis,
+                (-10, 10),
+                self.force,
+            )
             for parent, child, axis, kind in zip(
                 chain, chain[1:], axes, ["prismatic"] * 3 + ["revolute"] * 3, strict=False
             )
@@ -93,9 +100,7 @@ def _link(
     return f'  <link name="{name}">{shape}<inertial><mass value="{mass}"/>{inertia}</inertial></link>'
 
 
-def _joint(
-    name: str, kind: str, parent: str, child: str, axis: str, limits: tuple[float, float], force: float
-) -> str:
+def _joint(name: str, kind: str, parent: str, child: str, axis: str, limits: tuple[float, float], force: float) -> str:
     return (
         f'  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f'<axis xyz="{axis}"/><limit lower="{limits[0]}" upper="{limits[1]}" effort="{force}" velocity="10"/></joint>'
@@ -186,5 +191,3 @@ class Gripper:
                 maxVelocity=self.spec.jaw_speed,
             )
         self._world.run(duration)
-
-

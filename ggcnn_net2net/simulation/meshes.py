@@ -50,7 +50,7 @@ def vertex_mean(parts: list[Vertices]) -> Vertices:
 
 def centre_of_mass(parts: list[Vertices]) -> Vertices:
     """Centre of mass of convex parts of equal density; where parts overlap, the overlap counts twice."""
-    from scipy.spatial import ConvexHull  # noqa: PLC0415  # workers of the benchmark never need it
+    from scipy.spatial import ConvexHull  # workers of the benchmark never need it
 
     moment, total = np.zeros(3), 0.0
     for part in parts:
@@ -82,8 +82,8 @@ def convex_decomposition(mesh: Path, cache: Path) -> Path:
     Raises:
         ObjectSetError: the mesh cannot be read or decomposed.
     """
-    import pybullet  # noqa: PLC0415
-    import trimesh  # noqa: PLC0415
+    import pybullet
+    import trimesh
 
     try:
         content = mesh.read_bytes()
@@ -97,7 +97,9 @@ def convex_decomposition(mesh: Path, cache: Path) -> Path:
             with silence_output():
                 pybullet.vhacd(str(source), str(temporary), str(Path(folder) / "log.txt"))
             if not temporary.is_file():
-                raise ObjectSetError(f"pybullet's V-HACD made nothing of {mesh}: repair the mesh or decompose it by hand")
+                raise ObjectSetError(
+                    f"pybullet's V-HACD made nothing of {mesh}: repair the mesh or decompose it by hand"
+                )
             read_parts(temporary)
     except ObjectSetError:
         raise

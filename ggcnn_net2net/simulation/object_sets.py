@@ -24,7 +24,13 @@ from ggcnn_net2net import reference_data
 from ggcnn_net2net.atomic import write_text
 from ggcnn_net2net.errors import ObjectSetError
 from ggcnn_net2net.protocol import PAPER, Protocol
-from ggcnn_net2net.simulation.meshes import centre_of_mass, convex_decomposition, extents, read_parts, vertex_mean
+from ggcnn_net2net.simulation.meshes import (
+    centre_of_mass,
+    convex_decomposition,
+    extents,
+    read_parts,
+    vertex_mean,
+)
 
 PYBULLET_FOLDERS = tuple(f"{number:03d}" for number in range(0, 400, 10))
 PYBULLET_SIDE = 0.25
@@ -64,7 +70,12 @@ class ObjectSet:
     def fingerprint(self) -> str:
         """SHA-256 over all names, meshes, scales and centres: equal sets give equal scenes."""
         rows = [
-            [model.name, reference_data.sha256_of(model.mesh), repr(model.scale), [repr(value) for value in model.centre]]
+            [
+                model.name,
+                reference_data.sha256_of(model.mesh),
+                repr(model.scale),
+                [repr(value) for value in model.centre],
+            ]
             for model in self.objects
         ]
         return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
@@ -129,8 +140,8 @@ def make_model(
 
 
 def _procedural40(_: str, protocol: Protocol) -> Iterable[ObjectModel]:
-    from ggcnn_net2net.simulation.convex import obj_text  # noqa: PLC0415  # needs scipy, which workers do without
-    from ggcnn_net2net.simulation.procedural import PROCEDURAL40  # noqa: PLC0415
+    from ggcnn_net2net.simulation.convex import obj_text  # needs scipy, which workers do without
+    from ggcnn_net2net.simulation.procedural import PROCEDURAL40
 
     texts = {item.name: obj_text(item.build()) for item in PROCEDURAL40}
     version = hashlib.sha256("".join(texts.values()).encode()).hexdigest()[:16]
@@ -150,7 +161,7 @@ def _pybullet(_: str, protocol: Protocol) -> Iterable[ObjectModel]:
 
 
 def _ycb40(_: str, protocol: Protocol) -> Iterable[ObjectModel]:
-    from ggcnn_net2net.simulation.ycb import ycb40_folder  # noqa: PLC0415
+    from ggcnn_net2net.simulation.ycb import ycb40_folder
 
     return _folder_objects(ycb40_folder(), protocol)
 
@@ -158,7 +169,7 @@ def _ycb40(_: str, protocol: Protocol) -> Iterable[ObjectModel]:
 def _shapenetsem(folder: str, protocol: Protocol) -> Iterable[ObjectModel]:
     if not folder or not Path(folder).is_dir():
         raise ObjectSetError(
-            f"expected shapenetsem:FOLDER with the OBJ files of your licensed copy of ShapeNetSem, received {folder!r}: "
+            f"expected shapenetsem:FOLDER with the OBJ files of your copy of ShapeNetSem, received {folder!r}: "
             "request access to it from the ShapeNet project"
         )
     with resources.files(__package__).joinpath("data/shapenetsem.csv").open(encoding="utf-8") as lines:
@@ -204,7 +215,9 @@ def _convex_mesh(folder: Path, name: str) -> Path:
         if (folder / f"{name}{suffix}").is_file():
             cache = reference_data.cache_root() / "objects" / "decomposed"
             return convex_decomposition(folder / f"{name}{suffix}", cache)
-    raise ObjectSetError(f"expected a mesh {name}{CONVEX_SUFFIX} or {name}.obj (.stl, .ply, ...) in {folder}, found none")
+    raise ObjectSetError(
+        f"expected a mesh {name}{CONVEX_SUFFIX} or {name}.obj (.stl, .ply, ...) in {folder}, found none"
+    )
 
 
 _SETS: dict[str, Callable[[str, Protocol], Iterable[ObjectModel]]] = {

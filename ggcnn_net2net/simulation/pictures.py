@@ -25,7 +25,9 @@ from ggcnn_net2net.simulation.world import World
 Image = npt.NDArray[np.uint8]
 
 FILM_RATE = 25  # frames per simulated second
-FILM_CAMERA = Camera(target=(0.65, 0.65, 0.25), position=(-0.9, -0.35, 1.25), up=(0, 0, 1), fov=50, width=480, height=360)
+FILM_CAMERA = Camera(
+    target=(0.65, 0.65, 0.25), position=(-0.9, -0.35, 1.25), up=(0, 0, 1), fov=50, width=480, height=360
+)
 
 
 @dataclass

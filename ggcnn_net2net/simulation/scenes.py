@@ -68,15 +68,16 @@ def make_scene(world: World, model: ObjectModel, pose: int, seed: int) -> Scene:
         seed: of the whole set of scenes.
     """
     rng = np.random.default_rng([seed, zlib.crc32(model.name.encode()), pose])
-    for drop in range(1, MAX_DROPS + 1):
+    stable, drops = False, 0
+    while not stable and drops < MAX_DROPS:
+        drops += 1
         angles = rng.uniform(0, 2 * np.pi, 3)
         world.reset()
         body = world.add_object(model, (0, 0, model.longest_side), pybullet.getQuaternionFromEuler(angles.tolist()))
-        if stable := world.settle(body):
-            break
+        stable = world.settle(body)
     position, orientation = world.pose_of(body)
     depth, rgb = Camera(target=position).render(world.client)
-    return Scene(model, pose, position, orientation, stable, drop, depth, rgb)
+    return Scene(model, pose, position, orientation, stable, drops, depth, rgb)
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ def save_scenes(path: Path, scenes: Iterable[Scene], settings: SceneSettings) ->
     position, orientation (x, y, z, w), stable, drops, camera (JSON) and object (JSON). The file's attributes hold the
     settings.
     """
-    import h5py  # noqa: PLC0415
+    import h5py
 
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         file.attrs["format"] = FORMAT
@@ -132,7 +133,7 @@ def load_scenes(path: Path, objects: ObjectSet, settings: SceneSettings | None =
     Raises:
         SceneError: the file is damaged, or holds scenes of other objects or with other settings.
     """
-    import h5py  # noqa: PLC0415
+    import h5py
 
     try:
         with h5py.File(path, "r") as file:

@@ -81,8 +81,8 @@ def world_grasp(grasp: Grasp, depth: npt.NDArray[np.floating], camera: Camera) -
     """
     distance = float(depth[round(grasp.row), round(grasp.col)])
     point = camera.world_from_pixel(grasp.row, grasp.col, distance)
-    start, end = grasp_to_rectangle(grasp)[:2]
-    edge = camera.world_from_pixel(*end, distance) - camera.world_from_pixel(*start, distance)
+    start, end = grasp_to_rectangle(grasp)[:2].tolist()
+    edge = camera.world_from_pixel(end[0], end[1], distance) - camera.world_from_pixel(start[0], start[1], distance)
     x, y, z = point.tolist()
     return WorldGrasp((x, y, z), grasp.angle, float(np.linalg.norm(edge)))
 
@@ -144,7 +144,7 @@ def run_world_grasp(
 
     phase("approach")
     gripper.set_opening(target.opening)
-    gripper.move_to(down + [0, 0, _APPROACH, 0, 0, 0])
+    gripper.move_to(down + np.array([0, 0, _APPROACH, 0, 0, 0]))
     gripper.move_to(down)
     phase("close")
     gripper.set_opening(0)

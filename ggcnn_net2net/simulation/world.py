@@ -109,7 +109,10 @@ class World:
         try:
             collision = self.client.createCollisionShape(**shape, collisionFramePosition=offset)
             visual = self.client.createVisualShape(
-                **shape, visualFramePosition=offset, rgbaColor=[0.85, 0.45, 0.2, 1], specularColor=[0.1, 0.1, 0.1]
+                **shape,
+                visualFramePosition=offset,
+                rgbaColor=[0.85, 0.45, 0.2, 1],
+                specularColor=[0.1, 0.1, 0.1],
             )
             body = self.client.createMultiBody(
                 baseMass=model.mass,
@@ -126,7 +129,7 @@ class World:
         """Put the bin into the world."""
         half, thin = spec.side / 2, spec.thickness / 2
         wall = spec.wall_height / 2
-        boxes = [
+        boxes: list[tuple[list[float], list[float]]] = [
             ([half, half, thin], [0, 0, 0]),
             ([half, thin, wall], [0, half - thin, wall]),
             ([half, thin, wall], [0, thin - half, wall]),

@@ -52,7 +52,8 @@ def test_wrap_angle_keeps_the_direction(angle):
 
 
 @pytest.mark.parametrize(
-    "corners", [np.zeros((3, 2)), np.full((4, 2), np.nan), np.zeros((4, 2)), [[0, 0], [np.inf, 1], [1, 1], [1, 0]]]
+    "corners",
+    [np.zeros((3, 2)), np.full((4, 2), np.nan), np.zeros((4, 2)), [[0, 0], [np.inf, 1], [1, 1], [1, 0]]],
 )
 def test_impossible_rectangles_are_refused(corners):
     with pytest.raises(GraspError, match="expected"):

@@ -1,0 +1,132 @@
+"""Physics sanity: grasps chosen by hand do what a person expects."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ggcnn_net2net.grasping import Grasp
+from ggcnn_net2net.protocol import CORRECTED, PAPER
+from ggcnn_net2net.simulation.camera import Camera
+from ggcnn_net2net.simulation.convex import box, cylinder
+from ggcnn_net2net.simulation.procedural import PROCEDURAL40
+from ggcnn_net2net.simulation.trial import (
+    SUCCESS_DISTANCE,
+    Outcome,
+    WorldGrasp,
+    run_trial,
+    run_world_grasp,
+    world_grasp,
+)
+
+both_protocols = pytest.mark.parametrize("protocol", [PAPER, CORRECTED], ids=lambda protocol: protocol.name)
+
+
+def centred_grasp(scene, angle, opening_px):
+    row, col, _ = scene.camera.pixel_from_world(scene.position)
+    return Grasp(round(row), round(col), angle, opening_px)
+
+
+@both_protocols
+def test_box_across_its_short_side(world, box_scene, protocol):
+    result = run_trial(world, box_scene, centred_grasp(box_scene, 0.0, 30), protocol)
+    assert result.outcome is Outcome.SUCCESS
+    assert result.in_bin
+    assert result.distance < 0.3
+
+
+@both_protocols
+def test_standing_cylinder(world, at_rest, protocol):
+    scene = at_rest("cylinder", [cylinder(0.03, 0.1)])
+    result = run_trial(world, scene, centred_grasp(scene, 0.8, 35), protocol)
+    assert result.outcome is Outcome.SUCCESS
+    assert result.in_bin
+
+
+@both_protocols
+def test_mug_by_its_handle(world, at_rest, protocol):
+    parts = next(item for item in PROCEDURAL40 if item.name == "mug").build()
+    scene = at_rest("mug", parts)
+    vertices = np.concatenate(parts)
+    reach = vertices[:, 0].max()  # the handle sticks out along +x
+    x = reach - 0.015 - scene.model.centre[0] + scene.position[0]
+    row, col, _ = scene.camera.pixel_from_world((x, 0, 0.08))
+    seen = scene.camera.world_from_pixel(row, col, scene.depth[round(row), round(col)])
+    grasp = WorldGrasp((x, 0.0, float(seen[2])), np.pi / 2, 0.05)
+    result = run_world_grasp(world, scene, grasp, protocol)
+    assert result.outcome is Outcome.SUCCESS
+    assert result.in_bin
+
+
+@both_protocols
+def test_beside_the_object(world, box_scene, protocol):
+    grasp = WorldGrasp((0.25, 0.0, 0.0), 0.0, 0.1)
+    result = run_world_grasp(world, box_scene, grasp, protocol)
+    assert result.outcome is Outcome.MISSED
+    assert not result.success
+    assert result.distance == pytest.approx(np.hypot(1.5, 1.5), abs=0.05)
+
+
+def test_opening_smaller_than_the_object(world, box_scene):
+    """The fingers land on top of the box instead of beside it."""
+    grasp = WorldGrasp((0.0, 0.0, 0.08), np.pi / 2, 0.05)
+    assert run_world_grasp(world, box_scene, grasp).outcome is Outcome.MISSED
+
+
+def test_holds_a_heavy_box_through_the_transfer(world, at_rest):
+    """0.3 kg: a box with a longest side of 0.3 m."""
+    scene = at_rest("bar", [box((0.3, 0.05, 0.08))])
+    assert scene.model.mass == pytest.approx(0.3)
+    heights = []
+    result = run_world_grasp(
+        world,
+        scene,
+        WorldGrasp((0.0, 0.0, 0.08), np.pi / 2, 0.1),
+        on_phase=lambda phase: heights.append((phase, world.pose_of(1)[0][2])),
+    )
+    assert result.outcome is Outcome.SUCCESS
+    assert dict(heights)["release"] > 0.6  # it hung at carrying height until it was released
+
+
+def test_outcomes_without_a_trial(world, box_scene):
+    assert run_trial(world, box_scene, None).outcome is Outcome.NO_GRASP
+    unstable = replace(box_scene, stable=False)
+    result = run_trial(world, unstable, centred_grasp(box_scene, 0, 30))
+    assert (result.outcome, result.success, result.steps) == (Outcome.UNSTABLE, False, 0)
+
+
+def test_repeats_bit_for_bit(world, box_scene):
+    grasp = centred_grasp(box_scene, 0.3, 33)
+    assert run_trial(world, box_scene, grasp) == run_trial(world, box_scene, grasp)
+
+
+def test_clearance_keeps_the_fingers_off_the_plane(world, at_rest):
+    scene = at_rest("slab", [box((0.05, 0.05, 0.02))])
+    grasp = centred_grasp(scene, 0, 30)
+    lowest = {}
+
+    def watch(protocol):
+        fingertip = []
+        world.on_step = lambda: fingertip.append(world.client.getAABB(2 + 5, 6)[0][2] if world.steps > 10 else 1)
+        run_trial(world, scene, grasp, protocol)
+        world.on_step = None
+        lowest[protocol.name] = min(fingertip)
+
+    watch(PAPER)
+    watch(CORRECTED)
+    assert lowest["CORRECTED"] > 0
+    assert lowest["PAPER"] < lowest["CORRECTED"]
+
+
+@pytest.mark.parametrize("angle", [-1.0, 0.0, 0.6])
+def test_world_grasp_keeps_place_angle_and_opening(angle):
+    camera = Camera(target=(0.0, 0.0, 0.0))
+    depth = np.full((300, 300), 1.4)
+    found = world_grasp(Grasp(100, 180, angle, 50), depth, camera)
+    assert camera.pixel_from_world(found.point) == pytest.approx((100, 180, 1.4))
+    assert found.yaw == angle
+    assert found.opening == pytest.approx(50 * 1.4 / camera.focal_px)
+
+
+def test_success_distance_is_the_published_one():
+    assert SUCCESS_DISTANCE == 0.7
