@@ -172,12 +172,15 @@ def _shapenetsem(folder: str, protocol: Protocol) -> Iterable[ObjectModel]:
             f"expected shapenetsem:FOLDER with the OBJ files of your copy of ShapeNetSem, received {folder!r}: "
             "request access to it from the ShapeNet project"
         )
-    with resources.files(__package__).joinpath("data/shapenetsem.csv").open(encoding="utf-8") as lines:
-        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     return [
         make_model(row["id"], row["category"], _convex_mesh(Path(folder), row["id"]), protocol, float(row["scale"]))
-        for row in rows
+        for row in _shapenetsem_rows()
     ]
+
+
+def _shapenetsem_rows() -> list[dict[str, str]]:
+    with resources.files(__package__).joinpath("data/shapenetsem.csv").open(encoding="utf-8") as lines:
+        return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
 def _folder_objects(folder: Path, protocol: Protocol) -> Iterable[ObjectModel]:
