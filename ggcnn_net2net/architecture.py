@@ -27,11 +27,7 @@ INPUT_SIZE = 300
 _BASE_STRIDES = {9: 3, 5: 2, 3: 2}  # kernel size -> stride of the six base layers, down and up alike
 _LAYER = re.compile(r"(?P<kind>[CT])(?P<height>\d+)x(?P<width>\d+)x(?P<filters>\d+)(?:s(?P<stride>\d+))?\Z")
 _KERAS_CLASSES = {"C": "Conv2D", "T": "Conv2DTranspose"}
-_WITHOUT_WEIGHTS = {
-    "InputLayer",
-    "ZeroPadding2D",
-    "Cropping2D",
-}  # the last two: padding of the PyTorch GG-CNN
+_WITHOUT_WEIGHTS = {"InputLayer", "ZeroPadding2D", "Cropping2D"}  # the last two: padding of the PyTorch GG-CNN
 
 
 @dataclass(frozen=True)
@@ -211,8 +207,11 @@ def architecture_of(model: keras.Model) -> Architecture:
                 f"expected a GG-CNN of Conv2D and Conv2DTranspose layers, received layer {layer.name!r} of class "
                 f"{class_name}"
             )
-        if layer.strides[0] != layer.strides[1]:
-            raise ArchitectureError(f"expected equal strides both ways, received {layer.strides} in {layer.name!r}")
+        if layer.strides[0] != layer.strides[1] or set(layer.dilation_rate) != {1}:
+            raise ArchitectureError(
+                f"expected equal strides both ways and no dilation, received strides {layer.strides} and dilation "
+                f"{layer.dilation_rate} in {layer.name!r}: the notation cannot express it"
+            )
         layers.append(ConvLayer(by_class[class_name], tuple(layer.kernel_size), layer.filters, layer.strides[0]))
     missing = [name for name in HEADS if name not in {layer.name for layer in model.layers}]
     if missing:

@@ -92,3 +92,13 @@ def test_other_models_have_no_architecture():
     headless = build_ggcnn(ORIGINAL)
     with pytest.raises(ArchitectureError, match="pos_out"):
         architecture_of(keras.Model(headless.input, headless.layers[3].output))
+
+
+def test_dilation_has_no_notation():
+    import keras
+
+    plain = build_ggcnn("C3x3x4s1")
+    config = plain.get_config()
+    config["layers"][1]["config"]["dilation_rate"] = (2, 2)
+    with pytest.raises(ArchitectureError, match="dilation"):
+        architecture_of(keras.Model.from_config(config))

@@ -1,0 +1,75 @@
+"""`ggcnn-net2net grow`: apply Net2Net operations to a model file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    import keras
+    import numpy as np
+
+
+@click.command("grow", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("file")
+@click.option("--ops", required=True, help='Operations in order, for example "deeper(3), wider(3)".')
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="File to write.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the filters that wider replicates.")
+@click.option("--noise", default=0.0, show_default=True, help="Noise that tells the clones of wider apart.")
+def grow_command(file: str, ops: str, output: Path, seed: int, noise: float) -> None:
+    """Grow the network in model FILE, a path or "published", so that it computes the same maps.
+
+    Layers are counted from 1. The suffix of the output chooses its format: .hdf5 and .h5 open in every Keras from 2.0
+    on, .keras in Keras 3. Prints how the number of parameters changed and how far the maps differ.
+
+    \b
+    Example: ggcnn-net2net grow published --ops "deeper(3), wider(3)" -o grown.hdf5
+    """
+    from ggcnn_net2net.errors import ModelFileError  # --help must not load what the work needs
+    from ggcnn_net2net.model_files import load_ggcnn, save_ggcnn
+    from ggcnn_net2net.model_files.load import source_path
+    from ggcnn_net2net.model_files.save import check_writable
+    from ggcnn_net2net.net2net import apply_operations
+    from ggcnn_net2net.quiet import import_tensorflow
+
+    import_tensorflow()
+    check_writable(output)
+    source = source_path(file)
+    if output.exists() and output.samefile(source):
+        raise ModelFileError(f"expected another output file than the input, received {str(output)!r} for both")
+    model = load_ggcnn(file)
+    grown = apply_operations(model, ops, seed=seed, noise=noise)
+    save_ggcnn(grown, output)
+    before, after = model.count_params(), grown.count_params()
+    click.echo(f"{before:,} -> {after:,} parameters ({after - before:+,})")
+    for name, image in _test_images(model).items():
+        click.echo(f"largest output difference on {name}: {_difference(model, grown, image):.2g}")
+    click.echo(f"written to {output}")
+
+
+def _test_images(model: keras.Model) -> dict[str, np.ndarray]:
+    """A random image, and the depth of a box and a ball on a tilted plane, each as the network expects it."""
+    import numpy as np
+
+    from ggcnn_net2net.architecture import INPUT_SIZE
+
+    height, width = (size or INPUT_SIZE for size in model.inputs[0].shape[1:3])
+    rng = np.random.default_rng(0)
+    row, col = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
+    depth = 1.5 + 0.05 * row
+    depth -= 0.2 * ((abs(row - 0.2) < 0.15) & (abs(col + 0.3) < 0.4))
+    depth -= np.sqrt(np.clip(0.1 - (row + 0.4) ** 2 - (col - 0.4) ** 2, 0, None))
+    images = {
+        "random input": rng.normal(size=(height, width)),
+        "a synthetic depth image": depth - depth.mean(),
+    }
+    return {name: image[None, :, :, None].astype("float32") for name, image in images.items()}
+
+
+def _difference(model: keras.Model, grown: keras.Model, image: np.ndarray) -> float:
+    import numpy as np
+
+    pairs = zip(model(image, training=False), grown(image, training=False), strict=True)
+    return max(float(np.abs(np.asarray(one) - np.asarray(other)).max()) for one, other in pairs)

@@ -1,0 +1,88 @@
+"""Load a GG-CNN from a file of any format that one was ever stored in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ggcnn_net2net.errors import ModelFileError
+from ggcnn_net2net.model_files import hdf5, keras_archive, torch_ggcnn
+from ggcnn_net2net.model_files.check import check_ggcnn
+from ggcnn_net2net.model_files.published import published_weights
+from ggcnn_net2net.model_files.stored_model import StoredModel
+
+if TYPE_CHECKING:
+    import keras
+
+PUBLISHED = "published"
+
+_READERS: dict[str, Callable[[Path], StoredModel]] = {
+    **dict.fromkeys(hdf5.SUFFIXES, hdf5.read_hdf5),
+    **dict.fromkeys(keras_archive.SUFFIXES, keras_archive.read_keras),
+    **dict.fromkeys(torch_ggcnn.SUFFIXES, torch_ggcnn.read_torch),
+}
+
+
+def load_ggcnn(source: str | Path) -> keras.Model:
+    """Load a GG-CNN, or a close relative with the same four heads.
+
+    Args:
+        source: "published" for the network of the GG-CNN authors, or the path of a model file: .hdf5 or .h5 of
+            Keras 2 or 3, .keras, or the PyTorch state_dict of the GG-CNN authors (.pt, .pth).
+
+    Returns:
+        A plain, uncompiled `keras.Model`: input (batch, 300, 300, 1), depth in metres minus the image's mean; outputs
+        pos_out, cos_out, sin_out, width_out, each (batch, 300, 300, 1). Its operation history is that of the file.
+
+    Raises:
+        DataNotFoundError: the published file is nowhere.
+        VerificationError: the published file has a wrong SHA-256.
+        ModelFileError: no such file, damaged, not a GG-CNN, heads missing or in another order, NaN weights, or a file
+            that carries code (a Lambda layer, a custom object, a pickle of more than tensors).
+    """
+    path = source_path(source)
+    stored = read_model_file(path)
+    check_ggcnn(stored.model, origin=str(path))
+    return stored.model
+
+
+def source_path(source: str | Path) -> Path:
+    """The existing file that `source`, a path or "published", means.
+
+    Raises:
+        ModelFileError: there is no such file.
+        DataNotFoundError: the published file is nowhere.
+        VerificationError: the published file has a wrong SHA-256.
+    """
+    path = published_weights() if str(source) == PUBLISHED else Path(source)
+    if not path.is_file():
+        raise ModelFileError(f"expected a model file or {PUBLISHED!r}, received {str(source)!r}, which is no file")
+    return path
+
+
+def read_model_file(path: Path) -> StoredModel:
+    """Read a model file of any known format, without checking that the model is a GG-CNN.
+
+    Raises:
+        ModelFileError: unknown suffix, damaged, or a model that cannot be rebuilt safely.
+    """
+    from ggcnn_net2net.net2net.history import set_history  # net2net is a later room
+
+    reader = _READERS.get(path.suffix)
+    if reader is None:
+        raise ModelFileError(
+            f"expected a model file with one of the suffixes {', '.join(_READERS)}, received {str(path)!r}: convert it "
+            "or correct its name"
+        )
+    try:
+        stored = reader(path)
+    except ModelFileError as error:
+        raise ModelFileError(f"cannot load {path}: {error}") from error
+    except Exception as error:  # Keras and h5py raise anything from KeyError to RuntimeError for odd content
+        raise ModelFileError(
+            f"cannot load {path}: expected a functional Keras model of standard layers, received something that cannot "
+            f"be rebuilt: {error!r}"
+        ) from error
+    set_history(stored.model, stored.history)
+    return stored
