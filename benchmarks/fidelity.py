@@ -24,7 +24,14 @@ from ggcnn_net2net.reproduce.statistics import PairedComparison
 from ggcnn_net2net.reproduce.table1 import run_table1
 from ggcnn_net2net.simulation.object_sets import load_object_set
 
-SIMULATED = ("sim_angle_window", "object_centre", "fingertip_clearance")
+SIMULATED = (
+    "sim_angle_window",
+    "object_centre",
+    "coupled_jaws",
+    "solver_iterations",
+    "palm_clearance",
+    "fingertip_clearance",
+)
 """Fields that act in the simulator."""
 
 

@@ -24,25 +24,36 @@ if TYPE_CHECKING:
     )
     from ggcnn_net2net.errors import GGCNNError
     from ggcnn_net2net.grasping import Grasp, decode_maps
-    from ggcnn_net2net.model_files import load_ggcnn
+    from ggcnn_net2net.inference import predict_grasps
+    from ggcnn_net2net.model_files import load_ggcnn, model_summary, save_ggcnn
+    from ggcnn_net2net.net2net import Operation, apply_operations, deeper, history_of, operations, wider
     from ggcnn_net2net.protocol import CORRECTED, PAPER, Protocol
 
 _HOME = {
     "Architecture": "architecture",
+    "CORRECTED": "protocol",
     "EXTENDED": "architecture",
+    "GGCNNError": "errors",
+    "Grasp": "grasping",
     "NARROW": "architecture",
     "OPTIMIZED": "architecture",
     "ORIGINAL": "architecture",
-    "SHALLOW": "architecture",
-    "architecture_of": "architecture",
-    "build_ggcnn": "architecture",
-    "GGCNNError": "errors",
-    "Grasp": "grasping",
-    "decode_maps": "grasping",
-    "load_ggcnn": "model_files",
-    "CORRECTED": "protocol",
+    "Operation": "net2net",
     "PAPER": "protocol",
     "Protocol": "protocol",
+    "SHALLOW": "architecture",
+    "apply_operations": "net2net",
+    "architecture_of": "architecture",
+    "build_ggcnn": "architecture",
+    "decode_maps": "grasping",
+    "deeper": "net2net",
+    "history_of": "net2net",
+    "load_ggcnn": "model_files",
+    "model_summary": "model_files",
+    "operations": "net2net",
+    "predict_grasps": "inference",
+    "save_ggcnn": "model_files",
+    "wider": "net2net",
 }
 
 __all__ = [
@@ -56,12 +67,21 @@ __all__ = [
     "Architecture",
     "GGCNNError",
     "Grasp",
+    "Operation",
     "Protocol",
     "__version__",
+    "apply_operations",
     "architecture_of",
     "build_ggcnn",
     "decode_maps",
+    "deeper",
+    "history_of",
     "load_ggcnn",
+    "model_summary",
+    "operations",
+    "predict_grasps",
+    "save_ggcnn",
+    "wider",
 ]
 
 

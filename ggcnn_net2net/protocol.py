@@ -28,9 +28,25 @@ class Protocol:
     """Point of an object that is its origin and centre of mass: "vertex_mean" (mean of the mesh's vertices, which lies
     where the mesh is finely cut) or "volume" (centre of mass of its convex parts)."""
 
+    coupled_jaws: bool
+    """Whether the jaws move together, as those of a real parallel gripper. As published each is driven alone with up
+    to 1000 N, and the stronger one pushes the object, and the other jaw, out of the grasp."""
+
+    solver_iterations: int
+    """Iterations of the contact solver in a trial. With pybullet's default of 50, which the public code uses, it does
+    not converge under 1000 N: held objects creep out between the jaws at centimetres a second."""
+
+    palm_clearance: float
+    """Metres that the palm stays above the seen surface at the grasp's centre. As published it ends on the surface, and
+    its motors press the object onto the plane."""
+
     fingertip_clearance: float | None
     """Height in metres above the plane at which the descent stops the fingertips. None lets the gripper push its
     fingers against the plane, as published, wherever the grasped surface is lower than the fingers are long."""
+
+    wider_noise: float
+    """How unequally *wider* shares out the outgoing weights of a filter among its copies (`net2net.wider`, argument
+    `noise`). With 0, as published, the copies get equal gradients and stay equal, so that *wider* adds no capacity."""
 
     def as_dict(self) -> dict[str, Any]:
         """Field names and values, for result files."""
@@ -41,14 +57,22 @@ PAPER = Protocol(
     name="PAPER",
     sim_angle_window=5,
     object_centre="vertex_mean",
+    coupled_jaws=False,
+    solver_iterations=50,
+    palm_clearance=0.0,
     fingertip_clearance=None,
+    wider_noise=0.0,
 )
 
 CORRECTED = Protocol(
     name="CORRECTED",
     sim_angle_window=0,
     object_centre="volume",
+    coupled_jaws=True,
+    solver_iterations=200,
+    palm_clearance=0.005,
     fingertip_clearance=0.002,
+    wider_noise=0.3,
 )
 
 

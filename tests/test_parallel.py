@@ -3,6 +3,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -15,9 +16,9 @@ def work(value, folder=""):
     if value == 3:
         os._exit(7)
     if value == 4:
-        marker = os.path.join(folder, "tried")
-        if not os.path.exists(marker):
-            open(marker, "w").close()
+        marker = Path(folder) / "tried"
+        if not marker.exists():
+            marker.touch()
             os.kill(os.getpid(), signal.SIGKILL)
     if value == 5:
         raise ArithmeticError("five")

@@ -36,6 +36,9 @@ class GripperSpec:
     friction: float = 1.0
     """Lateral friction of the fingers."""
     force: float = 1000.0
+    """Largest force (torque) of each of the six joints that carry the palm."""
+    jaw_force: float = 1000.0
+    """Largest force of each jaw."""
     linear_speed: float = 0.5
     angular_speed: float = 2.0
     jaw_speed: float = 0.3
@@ -114,7 +117,8 @@ def _numbers(values: tuple[float, ...]) -> str:
 class Gripper:
     """The gripper in a `World`; it starts open, 1 m above the origin, and moves by stepping that world."""
 
-    def __init__(self, world: World, spec: GripperSpec | None = None) -> None:
+    def __init__(self, world: World, spec: GripperSpec | None = None, coupled_jaws: bool = False) -> None:
+        """Put the gripper into `world`; with `coupled_jaws`, both jaws always move by the same distance."""
         self.spec = spec or GripperSpec()
         self._world = world
         with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
@@ -122,6 +126,23 @@ class Gripper:
             file.flush()
             self.body = world.client.loadURDF(file.name, useFixedBase=True)
         world.client.resetJointState(self.body, 2, 1.0)
+        if coupled_jaws:
+            self._couple_jaws()
+
+    def _couple_jaws(self) -> None:
+        left, right = JAW_JOINTS
+        gear = self._world.client.createConstraint(
+            self.body,
+            left,
+            self.body,
+            right,
+            jointType=self._world.client.JOINT_GEAR,
+            jointAxis=(1, 0, 0),
+            parentFramePosition=(0, 0, 0),
+            childFramePosition=(0, 0, 0),
+        )
+        # The jaws' axes point at each other, so equal travel of both is a ratio of -1.
+        self._world.client.changeConstraint(gear, gearRatio=-1, maxForce=10 * self.spec.force, erp=0.5)
 
     @property
     def pose(self) -> npt.NDArray[np.float64]:
@@ -187,7 +208,7 @@ class Gripper:
                 self._world.client.POSITION_CONTROL,
                 targetPosition=travel,
                 targetVelocity=0,
-                force=self.spec.force,
+                force=self.spec.jaw_force,
                 maxVelocity=self.spec.jaw_speed,
             )
         self._world.run(duration)

@@ -20,7 +20,6 @@ SUCCESS_DISTANCE = 0.7
 """Metres, horizontally, between object and bin centre below which the public code of the paper counts a success. More
 than half the bin's side: an object lying beside the bin can count. `in_bin` is the stricter reading."""
 
-_PALM_GAP = 0.005  # the palm's lower side ends at the seen surface
 _APPROACH = 0.5  # metres above the grasp
 _CARRY_HEIGHT = 0.75  # above the bin
 _LIFTED = 0.05  # metres an object has to rise to count as lifted
@@ -131,13 +130,13 @@ def run_world_grasp(
     """Execute a grasp that is given in world coordinates; everything else as in `run_trial`."""
     bin_spec = bin_spec or Bin()
     phase = on_phase or (lambda _: None)
-    world.reset()
+    world.reset(protocol.solver_iterations)
     body = world.add_object(scene.model, scene.position, scene.orientation)
     world.add_bin(bin_spec)
-    gripper = Gripper(world, gripper_spec)
+    gripper = Gripper(world, gripper_spec, protocol.coupled_jaws)
 
     x, y, z = target.point
-    height = z + _PALM_GAP
+    height = z + gripper.spec.palm[2] / 2 + protocol.palm_clearance
     if protocol.fingertip_clearance is not None:
         height = max(height, gripper.spec.reach + protocol.fingertip_clearance)
     down = np.array([x, y, height, 0, 0, target.yaw])

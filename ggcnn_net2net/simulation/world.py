@@ -68,11 +68,11 @@ class World:
         """Disconnect from the physics server."""
         self.client.disconnect()
 
-    def reset(self) -> None:
-        """Remove everything and start again from the bare plane at step 0."""
+    def reset(self, solver_iterations: int = 50) -> None:
+        """Remove everything and start again from the bare plane at step 0; 50 iterations are pybullet's default."""
         self.steps = 0
         self.client.resetSimulation()
-        self.client.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
+        self.client.setPhysicsEngineParameter(deterministicOverlappingPairs=1, numSolverIterations=solver_iterations)
         self.client.setTimeStep(TIME_STEP)
         self.client.setGravity(0, 0, GRAVITY)
         self.client.loadURDF(str(Path(pybullet_data.getDataPath()) / "plane.urdf"))

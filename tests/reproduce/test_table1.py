@@ -82,7 +82,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(original, objects, tmp_path
 
 def test_a_network_is_added_to_a_finished_table(original, network, objects, tmp_path):
     run([original], objects, tmp_path)
-    before = [record for record in RecordFile(tmp_path / "grasps.csv").read()]
+    before = RecordFile(tmp_path / "grasps.csv").read()
     table = run([network("mine", 60.0, "c" * 64)], objects, tmp_path)
     assert table.rows[0].comparison is not None  # with the published network's grasps, which are still there
     after = RecordFile(tmp_path / "grasps.csv").read()

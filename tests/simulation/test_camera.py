@@ -39,7 +39,10 @@ def test_geometry_agrees_with_the_renderer(world, model):
         rows, cols = np.nonzero(np.abs(depth - 1.4) < 0.01)
         top, left, _ = camera.pixel_from_world((x - width / 2, y + length / 2, 0.1))
         bottom, right, _ = camera.pixel_from_world((x + width / 2, y - length / 2, 0.1))
-        first, last = np.array([rows.min() - top, cols.min() - left]), np.array([bottom - rows.max(), right - cols.max()])
+        first, last = (
+            np.array([rows.min() - top, cols.min() - left]),
+            np.array([bottom - rows.max(), right - cols.max()]),
+        )
         assert (first > -0.3).all()
         assert (first < 1.1).all()
         assert (last > -0.3).all()

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,23 @@ def test_opening_is_the_free_space_between_the_fingers(world, gripper, opening):
     assert gripper.opening == pytest.approx(reachable, abs=2e-3)
     left, right = finger_boxes(world, gripper)
     assert right[0, 0] - left[1, 0] == pytest.approx(reachable, abs=5e-3)
+
+
+def test_coupled_jaws_share_what_a_single_one_meets(world, box_scene):
+    """A heavy wall on one side only stops one jaw, and through the gear the other."""
+
+    def travel(coupled):
+        world.reset()
+        world.add_object(replace(box_scene.model, longest_side=1e6), (0.09, 0, 0.0401), (0, 0, 0, 1))
+        gripper = Gripper(world, coupled_jaws=coupled)
+        gripper.move_to([0, 0, 0.07, 0, 0, 0])
+        gripper.set_opening(0.0)
+        return [state[0] for state in world.client.getJointStates(gripper.body, [6, 7])]
+
+    left, right = travel(coupled=False)
+    assert left > right + 0.05
+    left, right = travel(coupled=True)
+    assert left == pytest.approx(right, abs=5e-3)
 
 
 def test_moves_with_the_given_speed_and_arrives(world, gripper):

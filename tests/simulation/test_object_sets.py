@@ -28,7 +28,7 @@ def test_procedural40_is_made_once(cache):
 
 def test_pybullet_set_is_the_fixed_list():
     objects = load_object_set("pybullet")
-    assert PYBULLET_FOLDERS == tuple(f"{number:03d}" for number in range(0, 400, 10))
+    assert tuple(f"{number:03d}" for number in range(0, 400, 10)) == PYBULLET_FOLDERS
     assert [model.name for model in objects.objects] == [f"random_{number}" for number in PYBULLET_FOLDERS]
     assert all(model.longest_side == pytest.approx(0.25) for model in objects.objects)
 
