@@ -1,0 +1,8 @@
+"""Makes `surgery_models`, which stands beside the tests, importable from them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
