@@ -15,7 +15,7 @@ def evaluate() -> None:
 
     The whole benchmark of your own network is `ggcnn-net2net reproduce table1 --models original,FILE`.
 
-    Example: ggcnn-net2net evaluate grasp published --object mug --film mug.gif
+    Example: ggcnn-net2net evaluate grasp published --object hammer --film hammer.gif
     """
 
 
@@ -43,7 +43,7 @@ def grasp(
     """Let MODEL (a file, or "published") grasp one object; the scene is the one of `reproduce table1`.
 
     \b
-    Example: ggcnn-net2net evaluate grasp published --object mug --picture mug.png --film mug.gif
+    Example: ggcnn-net2net evaluate grasp published --object hammer --picture hammer.png --film hammer.gif
     """
     from dataclasses import replace
 
@@ -59,6 +59,7 @@ def grasp(
     from ggcnn_net2net.simulation.world import World
 
     import_tensorflow()
+    recording = Film(film) if film is not None else None
     protocol = protocol_named(protocol_name)
     objects = load_object_set(objects_spec, protocol)
     chosen = next((item for item in objects.objects if item.name == object_name), None)
@@ -70,8 +71,7 @@ def grasp(
         scene = make_scene(world, chosen, pose, seed)
         decoding = replace(RSS_2018, angle_window=protocol.sim_angle_window)
         (found,) = predict_grasps(network, scene.depth[None], decoding)
-        recording = Film()
-        if film is not None:
+        if recording is not None:
             recording.watch(world)
         strip, result = trial_strip(world, scene, found, protocol)
     click.echo(f"{scene.key}: {result.outcome}, {result.distance:.2f} m from the bin's centre, {result.steps} steps")
@@ -83,8 +83,8 @@ def grasp(
     if picture is not None:
         save_strips(picture, [strip])
         click.echo(f"Written to {picture}")
-    if film is not None:
-        recording.save(film)
+    if recording is not None:
+        recording.save()
         click.echo(f"Written to {film}")
 
 

@@ -64,7 +64,7 @@ def table1(
     from ggcnn_net2net.protocol import protocol_named
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reproduce.networks import load_networks
-    from ggcnn_net2net.reproduce.report import rich_table
+    from ggcnn_net2net.reproduce.report import print_table
     from ggcnn_net2net.reproduce.table1 import run_table1
     from ggcnn_net2net.simulation.object_sets import load_object_set
 
@@ -88,6 +88,6 @@ def table1(
             command=shlex.join(["python -m ggcnn_net2net.reproduce", *sys.argv[1:]]).replace("'", ""),
             on_progress=progress,
         )
-    console.print(rich_table(table))
-    console.print(f"Written to {output}: results.json, grasps.csv, table1.md, table1.png, scenes.h5")
+    print_table(console, table)
+    console.print(f"Written to {output}: results.json, grasps.csv, table1.md, table1.png, scenes.h5", soft_wrap=True)
     return CRASHED if table.crashed else 0

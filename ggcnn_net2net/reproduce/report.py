@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
 from rich.table import Table
 from tabulate import tabulate
 
@@ -15,14 +17,16 @@ from ggcnn_net2net.reproduce.statistics import Rate
 HEADINGS = ("GG-CNN", "parameters", "success", "rate (95% interval)", "in bin", "paper", "p")
 
 
-def rich_table(table: Table1) -> Table:
-    """The table for the terminal."""
-    shown = Table(title="Table I: success and size", caption="\n".join(captions(table)), caption_justify="left")
+def print_table(console: Console, table: Table1) -> None:
+    """Show the table in the terminal, with what a reader has to know below it."""
+    shown = Table(title="Table I: success and size", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in HEADINGS:
-        shown.add_column(heading, justify="left" if heading == HEADINGS[0] else "right")
+        shown.add_column(heading, justify="left" if heading == HEADINGS[0] else "right", no_wrap=True)
     for row in table.rows:
         shown.add_row(*cells(row))
-    return shown
+    console.print(shown)
+    for line in captions(table):
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 def cells(row: Table1Row) -> tuple[str, ...]:
@@ -35,7 +39,7 @@ def cells(row: Table1Row) -> tuple[str, ...]:
         f"{rate.successes}/{rate.trials}" if rate.trials else "-",
         f"{rate.value:.3f} ({low:.3f}-{high:.3f})" if rate.trials else "-",
         f"{in_bin.successes}/{in_bin.trials}" if rate.trials else "-",
-        f"{row.paper.accuracy:.3f} ({row.paper.parameters:,})" if row.paper else "-",
+        f"{row.paper.accuracy:.3f}" if row.paper else "-",
         f"{row.comparison.p_value:.3g}" if row.comparison else "-",
     )
 
@@ -47,8 +51,11 @@ def captions(table: Table1) -> list[str]:
         f"Objects {settings.object_set}, {settings.poses} pose(s) each, seed {settings.seed}, protocol "
         f"{table.protocol.name}. The paper: 40 ShapeNetSem objects, 5 poses each.",
         "Success: object within 0.7 m of the bin's centre (the paper's rule); in bin: between its walls. Interval: "
-        "Wilson. Paper: accuracy (parameters). p: McNemar's exact test against the published network, same scenes.",
+        "Wilson. Paper: its accuracy. p: McNemar's exact test against the published network, same scenes.",
     ]
+    papers = ", ".join(f"{row.network.name} {row.paper.parameters:,}" for row in table.rows if row.paper)
+    if papers:
+        lines.append(f"The paper's parameters: {papers}.")
     for row in table.rows:
         if row.network.note:
             lines.append(f"{row.network.name}: {row.network.note}")
@@ -111,7 +118,7 @@ def write_chart(path: Path, table: Table1) -> None:
     axes.set_ylim(0, 1)
     axes.set_ylabel("success rate, 95% interval")
     axes.set_title(f"Grasp success, {max((rate.trials for rate in rates), default=0)} grasps a network")
-    axes.legend(loc="lower right", fontsize=8)
+    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=150)
 

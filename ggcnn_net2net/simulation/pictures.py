@@ -32,9 +32,18 @@ FILM_CAMERA = Camera(
 
 @dataclass
 class Film:
-    """Frames of a trial; call `watch` once, before it."""
+    """Frames of a trial, for a .gif or .mp4 file; call `watch` once before the trial and `save` after it.
 
+    Raises:
+        GGCNNError: `path` has another suffix.
+    """
+
+    path: Path
     frames: list[Image] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if self.path.suffix.lower() not in (".gif", ".mp4"):
+            raise GGCNNError(f"expected a film's name to end in .gif or .mp4, received {self.path}")
 
     def watch(self, world: World) -> None:
         """Take a frame of `world` every 1 / `FILM_RATE` simulated seconds from now on."""
@@ -45,17 +54,10 @@ class Film:
 
         world.on_step = take
 
-    def save(self, path: Path) -> None:
-        """Write the frames as .gif or .mp4.
-
-        Raises:
-            GGCNNError: another suffix.
-        """
-        suffix = path.suffix.lower()
-        if suffix not in (".gif", ".mp4"):
-            raise GGCNNError(f"expected a film's name to end in .gif or .mp4, received {path}")
-        with replacing(path) as temporary:
-            if suffix == ".gif":
+    def save(self) -> None:
+        """Write the frames."""
+        with replacing(self.path) as temporary:
+            if self.path.suffix.lower() == ".gif":
                 imageio.imwrite(temporary, self.frames[::2], plugin="pillow", duration=2000 // FILM_RATE, loop=0)
             else:
                 _write_mp4(temporary, self.frames)
