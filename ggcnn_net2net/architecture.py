@@ -8,8 +8,9 @@ the four linear 2x2 heads of GG-CNN, which the name leaves out. The notation and
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count, repeat
 from typing import TYPE_CHECKING, Any
 
 from ggcnn_net2net.errors import ArchitectureError
@@ -54,7 +55,7 @@ class Architecture:
     stride 1. Where a stride differs from this rule, it is written behind the layer: `C7x7x16s2`.
     """
 
-    layers: tuple[ConvLayer, ...] = field()
+    layers: tuple[ConvLayer, ...]
 
     def __post_init__(self) -> None:
         if not self.layers:
@@ -156,7 +157,8 @@ def build_ggcnn(
 
     if isinstance(architecture, str):
         architecture = Architecture.parse(architecture)
-    seeds = iter(range(seed * 1000, (seed + 1) * 1000)) if seed is not None else None
+    # No two layers may start alike, nor the layers of networks with neighbouring seeds.
+    layer_seeds: Iterator[int | None] = repeat(None) if seed is None else count(1000 * seed)
 
     def convolution(layer: ConvLayer, **options: Any) -> keras.layers.Layer:
         return getattr(keras.layers, _KERAS_CLASSES[layer.kind])(
@@ -164,7 +166,7 @@ def build_ggcnn(
             layer.kernel_size,
             strides=layer.stride,
             padding="same",
-            kernel_initializer=keras.initializers.GlorotUniform(seed=next(seeds) if seeds else None),
+            kernel_initializer=keras.initializers.GlorotUniform(seed=next(layer_seeds)),
             **options,
         )
 
