@@ -54,7 +54,7 @@ def grasp(
     from ggcnn_net2net.protocol import protocol_named
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.simulation.object_sets import load_object_set
-    from ggcnn_net2net.simulation.pictures import Film, save_strips, trial_strip
+    from ggcnn_net2net.simulation.pictures import Film, save_strips, show_trial, trial_strip
     from ggcnn_net2net.simulation.scenes import make_scene
     from ggcnn_net2net.simulation.world import World
 
@@ -67,13 +67,15 @@ def grasp(
         names = ", ".join(item.name for item in objects.objects)
         raise ObjectSetError(f"expected one of the objects {names}; received {object_name!r}")
     network = load_ggcnn(model)
-    with World(gui=gui) as world:
+    with World() as world:
         scene = make_scene(world, chosen, pose, seed)
         decoding = replace(RSS_2018, angle_window=protocol.sim_angle_window)
         (found,) = predict_grasps(network, scene.depth[None], decoding)
         if recording is not None:
             recording.watch(world)
         strip, result = trial_strip(world, scene, found, protocol)
+    if gui:
+        show_trial(scene, found, protocol)
     click.echo(f"{scene.key}: {result.outcome}, {result.distance:.2f} m from the bin's centre, {result.steps} steps")
     if found is not None and result.grasp is not None:
         click.echo(

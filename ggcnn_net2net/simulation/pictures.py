@@ -13,9 +13,11 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from ggcnn_net2net.atomic import replacing
-from ggcnn_net2net.errors import GGCNNError
+from ggcnn_net2net.errors import GGCNNError, SimulationError
 from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle
+from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import Protocol
+from ggcnn_net2net.quiet import silence_output
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.object_sets import ObjectSet
 from ggcnn_net2net.simulation.scenes import Scene
@@ -96,6 +98,22 @@ def trial_strip(world: World, scene: Scene, grasp: Grasp | None, protocol: Proto
 
     result = run_trial(world, scene, grasp, protocol, on_phase=take)
     return Strip(f"{scene.key}: {result.outcome}", pictures), result
+
+
+def show_trial(scene: Scene, grasp: Grasp | None, protocol: Protocol) -> None:
+    """Run a trial in a window, in a process of its own: OpenGL and TensorFlow in one process can crash it.
+
+    Raises:
+        SimulationError: there is no display, or the window could not be opened.
+    """
+    ((_, outcome),) = run_parallel(_run_in_window, [(scene, grasp, protocol)], workers=1)
+    if isinstance(outcome, Crash):
+        raise SimulationError(f"expected pybullet to open a window, its process died (exit code {outcome.exit_code})")
+
+
+def _run_in_window(scene: Scene, grasp: Grasp | None, protocol: Protocol) -> None:
+    with silence_output(), World(gui=True) as world:
+        run_trial(world, scene, grasp, protocol)
 
 
 def draw_grasp(rgb: Image, grasp: Grasp | None) -> Image:

@@ -14,7 +14,7 @@ from ggcnn_net2net.protocol import PAPER, Protocol
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.gripper import Gripper, GripperSpec
 from ggcnn_net2net.simulation.scenes import Scene
-from ggcnn_net2net.simulation.world import Bin, World
+from ggcnn_net2net.simulation.world import Bin, Vector, World
 
 SUCCESS_DISTANCE = 0.7
 """Metres, horizontally, between object and bin centre below which the public code of the paper counts a success. More
@@ -164,15 +164,17 @@ def run_world_grasp(
     position = world.pose_of(body)[0]
     distance = bin_spec.horizontal_distance(position)
     success = distance < SUCCESS_DISTANCE
-    if not np.isfinite(position).all() or np.abs(position).max() > 10:
-        outcome = Outcome.UNSTABLE
-    elif success:
-        outcome = Outcome.SUCCESS
-    elif held:
-        outcome = Outcome.DROPPED_OUTSIDE
-    else:
-        outcome = Outcome.SLIPPED if max(highest) - height_before > _LIFTED else Outcome.MISSED
+    outcome = Outcome.SUCCESS if success else _failure(position, held, max(highest) - height_before)
     return TrialResult(outcome, success, bin_spec.contains(position), distance, world.steps, target)
+
+
+def _failure(position: Vector, held: bool, lift: float) -> Outcome:
+    """Reason of a failure: from where the object is, whether it hung above the bin, and how far it was lifted."""
+    if not np.isfinite(position).all() or np.abs(position).max() > 10:
+        return Outcome.UNSTABLE
+    if held:
+        return Outcome.DROPPED_OUTSIDE
+    return Outcome.SLIPPED if lift > _LIFTED else Outcome.MISSED
 
 
 def _is_held(world: World, body: int, gripper: Gripper) -> bool:

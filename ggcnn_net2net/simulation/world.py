@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,6 +56,15 @@ class World:
     """
 
     def __init__(self, gui: bool = False) -> None:
+        """Start a physics server; with `gui` it has a window and runs no faster than real time.
+
+        Raises:
+            SimulationError: a window is wanted where there is no display.
+        """
+        if gui and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+            # pybullet would wait for ever.
+            raise SimulationError("expected a display for the window, received none (DISPLAY is not set): leave --gui")
+        self._gui = gui
         with silence_output():
             self.client: Any = BulletClient(pybullet.GUI if gui else pybullet.DIRECT)
         self.on_step: Callable[[], None] | None = None
@@ -86,6 +98,8 @@ class World:
         """Advance the simulation by one time step."""
         self.client.stepSimulation()
         self.steps += 1
+        if self._gui:
+            time.sleep(TIME_STEP)
         if self.on_step is not None:
             self.on_step()
 

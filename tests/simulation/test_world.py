@@ -1,9 +1,11 @@
+import sys
+
 import numpy as np
 import pytest
 
 from ggcnn_net2net.errors import SimulationError
 from ggcnn_net2net.simulation.object_sets import ObjectModel
-from ggcnn_net2net.simulation.world import GRAVITY, TIME_STEP, Bin
+from ggcnn_net2net.simulation.world import GRAVITY, TIME_STEP, Bin, World
 
 
 def test_free_fall_takes_the_time_it_should(world, box_scene):
@@ -48,6 +50,13 @@ def test_a_mesh_that_pybullet_cannot_load_is_named(world, tmp_path):
     ghost = ObjectModel("ghost", "ghost", tmp_path / "ghost.obj", 1.0, (0, 0, 0), 0.1)
     with pytest.raises(SimulationError, match=r"ghost\.obj"):
         world.add_object(ghost, (0, 0, 1), (0, 0, 0, 1))
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux names its display in the environment")
+def test_a_window_without_display_is_refused(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(SimulationError, match="DISPLAY"):
+        World(gui=True)
 
 
 def test_bin_holds_what_falls_in(world, box_scene):
