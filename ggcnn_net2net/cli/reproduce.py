@@ -58,8 +58,8 @@ def table1(
       python -m ggcnn_net2net.reproduce table1
       python -m ggcnn_net2net.reproduce table1 --objects ycb40 --models original,my_network.hdf5
 
-    Exit codes: 0 done, 1 an error that is explained, 2 wrong usage, 3 done but grasps were lost to worker processes that
-    died (run it again), 130 interrupted (run it again).
+    Exit codes: 0 done, 1 an error that is explained, 2 wrong usage, 3 done but grasps were lost to worker processes
+    that died (run it again), 130 interrupted (run it again).
     """
     from rich.console import Console  # --help must not wait for any of these
 

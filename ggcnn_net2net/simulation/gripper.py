@@ -17,7 +17,17 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from ggcnn_net2net.simulation.world import World
 
-POSE_JOINTS = range(6)
+_POSE_CHAIN = (
+    ("x", "prismatic", "1 0 0"),
+    ("y", "prismatic", "0 1 0"),
+    ("z", "prismatic", "0 0 1"),
+    ("roll", "revolute", "1 0 0"),
+    ("pitch", "revolute", "0 1 0"),
+    ("palm", "revolute", "0 0 1"),
+)
+"""Links that carry the palm, with the joint that moves each; the palm's own is yaw."""
+
+POSE_JOINTS = range(len(_POSE_CHAIN))
 JAW_JOINTS = (6, 7)
 
 
@@ -56,31 +66,19 @@ class GripperSpec:
         finger_x = travel + self.finger_thickness / 2
         finger_z = -self.palm[2] / 2 - self.finger_length / 2
         finger = (self.finger_thickness, self.finger_width, self.finger_length)
-        chain = ["world", "x", "y", "z", "roll", "pitch", "palm"]
-        axes = ["1 0 0", "0 1 0", "0 0 1"] * 2
-        joints = [
-            _joint(
-                f"{child}_joint" if child != "palm" else "yaw_joint",
-                kind,
-                parent,
-                child,
-                axis,
-                (-10, 10),
-                self.force,
+        parts = [_link("world")]
+        parent = "world"
+        for name, kind, axis in _POSE_CHAIN:
+            is_palm = name == "palm"
+            parts.append(
+                _link(name, self.palm, mass=self.link_mass, friction=self.friction) if is_palm else _link(name)
             )
-            for parent, child, axis, kind in zip(
-                chain, chain[1:], axes, ["prismatic"] * 3 + ["revolute"] * 3, strict=False
-            )
-        ]
-        parts = [
-            *(_link(name) for name in chain[:-1]),
-            _link("palm", self.palm, (0, 0, 0), self.link_mass, self.friction),
-            _link("left_jaw", finger, (-finger_x, 0, finger_z), self.link_mass, self.friction),
-            _link("right_jaw", finger, (finger_x, 0, finger_z), self.link_mass, self.friction),
-            *joints,
-            _joint("left_joint", "prismatic", "palm", "left_jaw", "1 0 0", (0, travel), self.force),
-            _joint("right_joint", "prismatic", "palm", "right_jaw", "-1 0 0", (0, travel), self.force),
-        ]
+            parts.append(_joint(f"{name}_joint", kind, (parent, name), axis, (-10, 10), self.force))
+            parent = name
+        for name, side in (("left_jaw", -1), ("right_jaw", 1)):
+            parts.append(_link(name, finger, (side * finger_x, 0, finger_z), self.link_mass, self.friction))
+            axis = f"{-side} 0 0"  # inwards
+            parts.append(_joint(f"{name}_joint", "prismatic", ("palm", name), axis, (0, travel), self.jaw_force))
         return '<?xml version="1.0"?>\n<robot name="gripper">\n' + "\n".join(parts) + "\n</robot>\n"
 
 
@@ -103,7 +101,8 @@ def _link(
     return f'  <link name="{name}">{shape}<inertial><mass value="{mass}"/>{inertia}</inertial></link>'
 
 
-def _joint(name: str, kind: str, parent: str, child: str, axis: str, limits: tuple[float, float], force: float) -> str:
+def _joint(name: str, kind: str, links: tuple[str, str], axis: str, limits: tuple[float, float], force: float) -> str:
+    parent, child = links
     return (
         f'  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f'<axis xyz="{axis}"/><limit lower="{limits[0]}" upper="{limits[1]}" effort="{force}" velocity="10"/></joint>'
