@@ -69,10 +69,8 @@ class GripperSpec:
         parts = [_link("world")]
         parent = "world"
         for name, kind, axis in _POSE_CHAIN:
-            is_palm = name == "palm"
-            parts.append(
-                _link(name, self.palm, mass=self.link_mass, friction=self.friction) if is_palm else _link(name)
-            )
+            size = self.palm if name == "palm" else None
+            parts.append(_link(name, size, mass=self.link_mass, friction=self.friction))
             parts.append(_joint(f"{name}_joint", kind, (parent, name), axis, (-10, 10), self.force))
             parent = name
         for name, side in (("left_jaw", -1), ("right_jaw", 1)):
@@ -89,8 +87,11 @@ def _link(
     mass: float = 0.0,
     friction: float = 1.0,
 ) -> str:
+    """A box with mass; without a size, a massless link between two joints."""
     shape = ""
-    if size is not None:
+    if size is None:
+        mass = 0.0
+    else:
         geometry = f'<origin xyz="{_numbers(origin)}"/><geometry><box size="{_numbers(size)}"/></geometry>'
         colour = '<material name="steel"><color rgba="0.45 0.5 0.55 1"/></material>'
         shape = (
