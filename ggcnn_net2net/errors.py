@@ -49,7 +49,3 @@ class SimulationError(GGCNNError):
 
 class ResultsError(GGCNNError):
     """A results folder that is damaged or belongs to another experiment."""
-
-
-class GGCNNWarning(UserWarning):
-    """Base of all warnings of ggcnn_net2net: something a reader of the result has to know."""

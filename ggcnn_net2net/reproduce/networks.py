@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ggcnn_net2net.architecture import NAMED, architecture_of
+from ggcnn_net2net.architecture import INPUT_SIZE, NAMED, architecture_of
 from ggcnn_net2net.errors import ArchitectureError, ResultsError
 from ggcnn_net2net.model_files import load_ggcnn, published_weights
 from ggcnn_net2net.reference_data import sha256_of
+from ggcnn_net2net.reproduce.paper import TABLE1, PaperRow
 
 if TYPE_CHECKING:
     import keras
@@ -34,6 +35,8 @@ class Network:
     """Of the weights file; empty where no weights are at hand."""
     model: keras.Model | None = None
     """None where no weights are at hand."""
+    paper: PaperRow | None = None
+    """What the paper reports of it; None for a network of the user's."""
 
     @property
     def weights(self) -> str:
@@ -74,12 +77,17 @@ def load_networks(specs: Iterable[str]) -> list[Network]:
 def _load(spec: str) -> Network:
     if spec in PAPER_NETWORKS and spec != "original":
         architecture = NAMED[spec]
-        return Network(spec, str(architecture), architecture.n_parameters)
+        return Network(spec, str(architecture), architecture.n_parameters, paper=TABLE1[spec])
     path = published_weights() if spec == "original" else Path(spec)
     model = load_ggcnn(path)
+    if model.input_shape[1:3] != (INPUT_SIZE, INPUT_SIZE):
+        raise ResultsError(
+            f"expected a network for images of {INPUT_SIZE}x{INPUT_SIZE} px, as the simulated camera takes them, "
+            f"received {path} for {model.input_shape[1:3]}"
+        )
     try:
         notation = str(architecture_of(model))
     except ArchitectureError:
         notation = "other"
     name = spec if spec == "original" else path.stem
-    return Network(name, notation, model.count_params(), path.name, sha256_of(path), model)
+    return Network(name, notation, model.count_params(), path.name, sha256_of(path), model, TABLE1.get(spec))

@@ -39,7 +39,7 @@ def cells(row: Table1Row) -> tuple[str, ...]:
         f"{rate.successes}/{rate.trials}" if rate.trials else "-",
         f"{rate.value:.3f} ({low:.3f}-{high:.3f})" if rate.trials else "-",
         f"{in_bin.successes}/{in_bin.trials}" if rate.trials else "-",
-        f"{row.paper.accuracy:.3f}" if row.paper else "-",
+        f"{row.network.paper.accuracy:.3f}" if row.network.paper else "-",
         f"{row.comparison.p_value:.3g}" if row.comparison else "-",
     )
 
@@ -53,7 +53,9 @@ def captions(table: Table1) -> list[str]:
         "Success: object within 0.7 m of the bin's centre (the paper's rule); in bin: between its walls. Interval: "
         "Wilson. Paper: its accuracy. p: McNemar's exact test against the published network, same scenes.",
     ]
-    papers = ", ".join(f"{row.network.name} {row.paper.parameters:,}" for row in table.rows if row.paper)
+    papers = ", ".join(
+        f"{row.network.name} {row.network.paper.parameters:,}" for row in table.rows if row.network.paper
+    )
     if papers:
         lines.append(f"The paper's parameters: {papers}.")
     for row in table.rows:
@@ -103,7 +105,7 @@ def write_chart(path: Path, table: Table1) -> None:
     )
     axes.bar(
         [position + 0.2 for position in positions],
-        [row.paper.accuracy if row.paper else 0 for row in table.rows],
+        [row.network.paper.accuracy if row.network.paper else 0 for row in table.rows],
         0.38,
         color="0.8",
         edgecolor="0.35",

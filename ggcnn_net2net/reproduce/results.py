@@ -17,7 +17,6 @@ from ggcnn_net2net.errors import ResultsError
 from ggcnn_net2net.model_files import PUBLISHED_SHA256
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.reproduce.networks import Network, short_hash
-from ggcnn_net2net.reproduce.paper import TABLE1, PaperRow
 from ggcnn_net2net.reproduce.records import GraspRecord
 from ggcnn_net2net.reproduce.statistics import PairedComparison, Rate
 from ggcnn_net2net.simulation.scenes import SceneSettings
@@ -38,7 +37,6 @@ class Table1Row:
     """The paper's rule: within 0.7 m of the bin's centre."""
     in_bin: Rate
     """The stricter rule: between the bin's walls."""
-    paper: PaperRow | None
     comparison: PairedComparison | None
     """With the published network on the same scenes; None for itself, and where it was not run."""
 
@@ -84,7 +82,6 @@ def _row(network: Network, own: Records, reference: Records) -> Table1Row:
         Counter(record.outcome for record in own.values()),
         Rate(sum(record.success for record in own.values()), len(own)),
         Rate(sum(record.in_bin for record in own.values()), len(own)),
-        TABLE1.get(network.name),
         PairedComparison.of([reference[key].success for key in common], [own[key].success for key in common])
         if common
         else None,
@@ -152,7 +149,7 @@ def _row_as_dict(row: Table1Row) -> dict[str, Any]:
         "success": _rate_as_dict(row.success),
         "in_bin": _rate_as_dict(row.in_bin),
         "outcomes": dict(sorted(row.outcomes.items())),
-        "paper": asdict(row.paper) if row.paper else None,
+        "paper": asdict(network.paper) if network.paper else None,
         "against_original": {**asdict(comparison), "mcnemar_exact_p": comparison.p_value} if comparison else None,
     }
 

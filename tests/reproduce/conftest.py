@@ -9,6 +9,7 @@ from ggcnn_net2net.grasping import Grasp
 from ggcnn_net2net.protocol import PAPER
 from ggcnn_net2net.reproduce import table1
 from ggcnn_net2net.reproduce.networks import Network
+from ggcnn_net2net.reproduce.paper import TABLE1
 from ggcnn_net2net.simulation.convex import box, write_obj
 from ggcnn_net2net.simulation.object_sets import ObjectSet, make_model
 
@@ -33,6 +34,6 @@ def network(monkeypatch) -> Callable[..., Network]:
     monkeypatch.setattr(table1, "predict_grasps", predict)
 
     def make(name: str, opening_px: float, sha256: str) -> Network:
-        return Network(name, "C1x1x1", 17, f"{name}.hdf5", sha256, opening_px)
+        return Network(name, "C1x1x1", 17, f"{name}.hdf5", sha256, opening_px, TABLE1.get(name))
 
     return make

@@ -3,8 +3,9 @@ from dataclasses import replace
 
 import pytest
 
+from ggcnn_net2net.architecture import build_ggcnn
 from ggcnn_net2net.errors import ResultsError
-from ggcnn_net2net.model_files import PUBLISHED_SHA256
+from ggcnn_net2net.model_files import PUBLISHED_SHA256, save_ggcnn
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.reproduce.networks import load_networks
 from ggcnn_net2net.reproduce.records import COLUMNS, RecordFile
@@ -32,7 +33,8 @@ def test_table_and_files(original, network, objects, tmp_path):
     assert first.comparison is None
     assert second.comparison.only_first == first.success.successes
     assert second.comparison.only_second == 0
-    assert first.paper.accuracy == 0.785
+    assert first.network.paper.accuracy == 0.785
+    assert second.network.paper is None
     assert missing.network.note == "no trained model ships yet"
 
     results = json.loads((tmp_path / "out" / "results.json").read_text())
@@ -145,6 +147,18 @@ def test_networks_need_names_of_their_own():
         load_networks(["extended", "extended"])
     with pytest.raises(ResultsError, match="none"):
         load_networks([])
+
+
+def test_a_network_for_another_image_size_is_refused(tmp_path):
+    path = save_ggcnn(build_ggcnn("shallow", input_size=120, seed=0), tmp_path / "small.hdf5")
+    with pytest.raises(ResultsError, match="120"):
+        load_networks([str(path)])
+
+
+def test_a_file_of_the_users_is_not_taken_for_the_papers(tmp_path):
+    path = save_ggcnn(build_ggcnn("narrow", seed=0), tmp_path / "extended.hdf5")
+    (network,) = load_networks([str(path)])
+    assert (network.name, network.parameters, network.paper) == ("extended", 4_508, None)
 
 
 def test_published_network_end_to_end(objects, tmp_path, data_root):
