@@ -53,9 +53,8 @@ def captions(table: Table1) -> list[str]:
         "Success: object within 0.7 m of the bin's centre (the paper's rule); in bin: between its walls. Interval: "
         "Wilson. Paper: its accuracy. p: McNemar's exact test against the published network, same scenes.",
     ]
-    papers = ", ".join(
-        f"{row.network.name} {row.network.paper.parameters:,}" for row in table.rows if row.network.paper
-    )
+    networks = [row.network for row in table.rows]
+    papers = ", ".join(f"{network.name} {network.paper.parameters:,}" for network in networks if network.paper)
     if papers:
         lines.append(f"The paper's parameters: {papers}.")
     for row in table.rows:
