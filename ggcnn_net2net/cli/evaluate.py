@@ -92,27 +92,27 @@ def grasp(
 
 @evaluate.command()
 @click.argument("results", type=click.Path(path_type=Path, exists=True, file_okay=False))
-@OBJECTS
-@PROTOCOL
+@click.option("--objects", "objects_spec", metavar="SET", help="The object set, if it was a folder.")
 @click.option("--network", default="original", show_default=True, help="Row of the table.")
 @click.option("--count", default=10, show_default=True, type=click.IntRange(min=1), help="Most failures to draw.")
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="PNG to write.")
-def failures(results: Path, objects_spec: str, protocol_name: str, network: str, count: int, output: Path) -> None:
+def failures(results: Path, objects_spec: str | None, network: str, count: int, output: Path) -> None:
     """Draw failed grasps of a finished benchmark, spread evenly over the objects, phase by phase.
 
     \b
     Example: ggcnn-net2net evaluate failures results/table1-procedural40-5poses-seed0-paper -o failures.png
     """
     from ggcnn_net2net.errors import ResultsError
-    from ggcnn_net2net.protocol import protocol_named
     from ggcnn_net2net.reproduce.records import RecordFile
+    from ggcnn_net2net.reproduce.results import read_settings
     from ggcnn_net2net.simulation.object_sets import load_object_set
     from ggcnn_net2net.simulation.pictures import save_strips, trial_strip
     from ggcnn_net2net.simulation.scenes import load_scenes
     from ggcnn_net2net.simulation.world import World
 
-    protocol = protocol_named(protocol_name)
-    scenes = {scene.key: scene for scene in load_scenes(results / "scenes.h5", load_object_set(objects_spec, protocol))}
+    _, settings, protocol = read_settings(results / "results.json")
+    objects = load_object_set(objects_spec or settings.object_set, protocol)
+    scenes = {scene.key: scene for scene in load_scenes(results / "scenes.h5", objects, settings)}
     failed = [
         record
         for record in RecordFile(results / "grasps.csv").read()

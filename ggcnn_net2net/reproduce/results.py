@@ -105,6 +105,21 @@ def versions() -> dict[str, str]:
     return found
 
 
+def read_settings(path: Path) -> tuple[dict[str, Any], SceneSettings, Protocol]:
+    """Settings that a results.json was made with: as stored, and its scenes and protocol.
+
+    Raises:
+        ResultsError: no such file, or one that is damaged or of another version.
+    """
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))["settings"]
+        return stored, SceneSettings(**stored["scenes"]), Protocol(**stored["protocol"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ResultsError(
+            f"expected {path} to hold the settings of a results folder, cannot read it: {error!r}; name another folder"
+        ) from error
+
+
 def check_settings(path: Path, settings: dict[str, Any]) -> None:
     """Refuse to continue a results folder that was made in another way.
 
@@ -113,10 +128,7 @@ def check_settings(path: Path, settings: dict[str, Any]) -> None:
     """
     if not path.is_file():
         return
-    try:
-        before = json.loads(path.read_text(encoding="utf-8"))["settings"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise ResultsError(f"cannot read {path}: {error!r}; choose another --output") from error
+    before, _, _ = read_settings(path)
     for name, value in settings.items():
         if before.get(name) != value:
             raise ResultsError(

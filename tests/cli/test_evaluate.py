@@ -64,5 +64,9 @@ def test_failures_of_a_benchmark(folder, tmp_path, data_root):
     output = call(evaluate, "failures", out, "--objects", folder, "--count", 1, "-o", picture).output
     assert "1 of 2 failures" in output
     assert cv2.imread(str(picture)).std() > 10
+    with pytest.raises(ObjectSetError, match="bricks"):  # a folder is not found by its name alone
+        call(evaluate, "failures", out, "-o", picture)
+    with pytest.raises(ResultsError, match=r"results\.json"):
+        call(evaluate, "failures", tmp_path, "-o", picture)
     with pytest.raises(ResultsError, match="'mine'"):
         call(evaluate, "failures", out, "--objects", folder, "--network", "mine", "-o", picture)
