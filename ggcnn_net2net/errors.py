@@ -47,5 +47,13 @@ class SimulationError(GGCNNError):
     """The physics simulation could not do what was asked."""
 
 
+class DatasetError(GGCNNError):
+    """Grasp data that cannot be read, written or matched to what was asked for."""
+
+
+class TrainingError(GGCNNError):
+    """Training that cannot start, go on or be resumed: loss not finite, checkpoint of another run."""
+
+
 class ResultsError(GGCNNError):
     """A results folder that is damaged or belongs to another experiment."""

@@ -48,6 +48,22 @@ class Protocol:
     """How unequally *wider* shares out the outgoing weights of a filter among its copies (`net2net.wider`, argument
     `noise`). With 0, as published, the copies get equal gradients and stay equal, so that *wider* adds no capacity."""
 
+    wrapped_angle_difference: bool
+    """Whether the IoU rate compares closing directions modulo π both ways. The published code takes `abs(a - b) % π`,
+    which rejects a pair across ±π/2, such as 89° and -89°."""
+
+    iou_recentres_depth: bool
+    """Whether the IoU rate of the search subtracts each image's mean once more from the depth, which is already
+    centred and clipped, as the published code does: the network is scored on inputs that it was not trained on."""
+
+    masked_loss: bool
+    """Whether the errors of cos, sin and width count on labelled pixels only. As published they count everywhere, so
+    that a width is learnt as (probability of a label) x opening, which is too narrow."""
+
+    shuffled_rows: bool
+    """Whether training shuffles the images themselves. The search of the published code shuffles batches of consecutive
+    rows, which hold augmentations of one scene."""
+
     def as_dict(self) -> dict[str, Any]:
         """Field names and values, for result files."""
         return asdict(self)
@@ -62,6 +78,10 @@ PAPER = Protocol(
     palm_clearance=0.0,
     fingertip_clearance=None,
     wider_noise=0.0,
+    wrapped_angle_difference=False,
+    iou_recentres_depth=True,
+    masked_loss=False,
+    shuffled_rows=False,
 )
 
 CORRECTED = Protocol(
@@ -73,6 +93,10 @@ CORRECTED = Protocol(
     palm_clearance=0.005,
     fingertip_clearance=0.002,
     wider_noise=0.3,
+    wrapped_angle_difference=True,
+    iou_recentres_depth=False,
+    masked_loss=True,
+    shuffled_rows=True,
 )
 
 

@@ -1,0 +1,1 @@
+"""Grasp data: Cornell, Jacquard and simulated scenes, in one HDF5 layout."""
