@@ -15,7 +15,7 @@ class LabelledScene:
     name: str
     """Name of the scene, unique in its dataset: "pcd0100"."""
     object_name: str
-    """Object, or set of objects, that it shows. Scenes of one object never stand on both sides of an object-wise split."""
+    """What it shows. An object-wise split keeps all scenes of one object on one side."""
     depth: npt.NDArray[np.float32]
     """(H, W) metres, missing pixels already filled in."""
     rgb: npt.NDArray[np.uint8]
