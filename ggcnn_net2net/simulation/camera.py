@@ -81,6 +81,13 @@ class Camera:
         )
         return np.linalg.solve(self.T_camera_world, camera)[:3]
 
+    def world_from_image(self, depth: npt.NDArray[np.floating]) -> FloatArray:
+        """World points (height, width, 3) of all pixels of a depth image (height, width)."""
+        rows, cols = np.mgrid[: self.height, : self.width]
+        x, y = (cols - self.width / 2) / self.focal_px, (self.height / 2 - 1 - rows) / self.focal_px
+        camera = np.stack([x * depth, y * depth, -depth, np.ones_like(x)], axis=-1)
+        return (camera @ np.linalg.inv(self.T_camera_world).T)[..., :3]
+
     def pixel_from_world(self, point: npt.ArrayLike) -> tuple[float, float, float]:
         """Row, column and depth at which a world point is seen."""
         x, y, z, _ = self.T_camera_world @ np.append(np.asarray(point, dtype=np.float64), 1.0)

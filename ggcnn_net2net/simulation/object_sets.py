@@ -4,6 +4,7 @@
 * `pybullet`: 40 random objects that come with pybullet_data, scaled to 0.25 m.
 * `ycb40`: 40 objects of the YCB set at true scale, from the reference data or downloaded.
 * `shapenetsem:FOLDER`: the paper's objects, from the user's licensed copy of ShapeNetSem.
+* `training:N:SEED`: the first N objects to train with, which no benchmark uses; 40 and seed 0 where left out.
 * `FOLDER`: any meshes with an objects.csv.
 """
 
@@ -12,6 +13,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -85,19 +87,20 @@ def load_object_set(spec: str, protocol: Protocol = PAPER) -> ObjectSet:
     """Load an object set by name or folder.
 
     Args:
-        spec: "procedural40", "pybullet", "ycb40", "shapenetsem:FOLDER", or a folder with meshes and an objects.csv:
-            a column `name` for NAME.obj, .stl, .ply, .off, .glb or .dae, and optionally `category`, `scale` (metres
-            per unit, default 1) or `longest_side` (metres, instead of scale). A mesh NAME_vhacd.obj, one convex part
-            an `o` group, is used where it is there; other meshes are decomposed once and cached.
+        spec: "procedural40", "pybullet", "ycb40", "shapenetsem:FOLDER", "training:N:SEED", or a folder with meshes
+            and an objects.csv: a column `name` for NAME.obj, .stl, .ply, .off, .glb or .dae, and optionally
+            `category`, `scale` (metres per unit, default 1) or `longest_side` (metres, instead of scale). A mesh
+            NAME_vhacd.obj, one convex part an `o` group, is used where it is there; other meshes are decomposed once
+            and cached.
         protocol: decides where an object's centre lies.
 
     Raises:
         ObjectSetError: no such set, or meshes or rows that cannot be used.
         DataNotFoundError: the set's files are nowhere and cannot be fetched.
     """
-    name, _, folder = spec.partition(":")
-    if name in _SETS and not (folder and name != "shapenetsem"):
-        objects = _SETS[name](folder, protocol)
+    name, _, argument = spec.partition(":")
+    if name in _SETS and (not argument or name in _SETS_WITH_ARGUMENT):
+        objects = _SETS[name](argument, protocol)
     elif Path(spec).is_dir():
         name, objects = Path(spec).resolve().name, _folder_objects(Path(spec), protocol)
     else:
@@ -183,6 +186,16 @@ def _shapenetsem_rows() -> list[dict[str, str]]:
         return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
+def _training(argument: str, protocol: Protocol) -> Iterable[ObjectModel]:
+    from ggcnn_net2net.simulation.training_objects import training_object  # imports this module, and scipy
+
+    match = re.fullmatch(r"([1-9]\d*)(?::(\d+))?", argument or "40")
+    if match is None:
+        raise ObjectSetError(f"expected training:N:SEED with whole numbers, N above 0, received training:{argument}")
+    count, seed = int(match[1]), int(match[2] or 0)
+    return [training_object(index, seed, protocol) for index in range(count)]
+
+
 def _folder_objects(folder: Path, protocol: Protocol) -> Iterable[ObjectModel]:
     table = folder / "objects.csv"
     try:
@@ -228,4 +241,6 @@ _SETS: dict[str, Callable[[str, Protocol], Iterable[ObjectModel]]] = {
     "pybullet": _pybullet,
     "ycb40": _ycb40,
     "shapenetsem": _shapenetsem,
+    "training": _training,
 }
+_SETS_WITH_ARGUMENT = ("shapenetsem", "training")

@@ -6,7 +6,6 @@ import json
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -43,23 +42,19 @@ class Scene:
     """(300, 300) metres."""
     rgb: npt.NDArray[np.uint8]
     """(300, 300, 3)."""
+    camera: Camera
+    """The camera that took the image."""
 
     @property
     def key(self) -> str:
         """Name of the scene within its set: OBJECT/POSE."""
         return f"{self.model.name}/{self.pose}"
 
-    @cached_property
-    def camera(self) -> Camera:
-        """The camera that took the image."""
-        return Camera(target=self.position)
-
 
 def make_scene(world: World, model: ObjectModel, pose: int, seed: int) -> Scene:
-    """Drop an object from the height of its longest side at a random orientation and look at it once it lies still.
+    """Drop an object and look at it once it lies still.
 
-    Drops that do not come to rest within 10 simulated seconds are drawn again (paper's public code). The randomness
-    depends on `seed`, the object's name and `pose` alone.
+    The randomness depends on `seed`, the object's name and `pose` alone.
 
     Args:
         world: is reset first.
@@ -68,6 +63,26 @@ def make_scene(world: World, model: ObjectModel, pose: int, seed: int) -> Scene:
         seed: of the whole set of scenes.
     """
     rng = np.random.default_rng([seed, zlib.crc32(model.name.encode()), pose])
+    body, stable, drops = drop_object(world, model, rng)
+    position, orientation = world.pose_of(body)
+    camera = Camera(target=position)
+    depth, rgb = camera.render(world.client)
+    return Scene(model, pose, position, orientation, stable, drops, depth, rgb, camera)
+
+
+def drop_object(world: World, model: ObjectModel, rng: np.random.Generator) -> tuple[int, bool, int]:
+    """Drop an object from the height of its longest side at a random orientation, and wait until it lies still.
+
+    Drops that do not come to rest within 10 simulated seconds are drawn again (paper's public code).
+
+    Args:
+        world: is reset first.
+        model: the object.
+        rng: draws the orientations.
+
+    Returns:
+        The body's id, whether it came to rest, and the drops that it took.
+    """
     stable, drops = False, 0
     while not stable and drops < MAX_DROPS:
         drops += 1
@@ -75,9 +90,7 @@ def make_scene(world: World, model: ObjectModel, pose: int, seed: int) -> Scene:
         world.reset()
         body = world.add_object(model, (0, 0, model.longest_side), pybullet.getQuaternionFromEuler(angles.tolist()))
         stable = world.settle(body)
-    position, orientation = world.pose_of(body)
-    depth, rgb = Camera(target=position).render(world.client)
-    return Scene(model, pose, position, orientation, stable, drops, depth, rgb)
+    return body, stable, drops
 
 
 @dataclass(frozen=True)
@@ -167,7 +180,15 @@ def _read_scene(group: Any, model: ObjectModel, pose: int) -> Scene:
         int(group.attrs["drops"]),
         group["depth"][()],
         group["rgb"][()],
+        _camera(json.loads(group.attrs["camera"])),
     )
+
+
+def _camera(settings: dict[str, Any]) -> Camera:
+    values: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
+    }
+    return Camera(**values)
 
 
 def depth_images(scenes: Sequence[Scene]) -> npt.NDArray[np.float32]:

@@ -45,8 +45,8 @@ def at_rest(world: World, model) -> Callable[..., Scene]:
         body = world.add_object(item, (0, 0, -lowest + 0.002), (0, 0, 0, 1))
         assert world.settle(body)
         position, orientation = world.pose_of(body)
-        depth, rgb = Camera(target=position).render(world.client)
-        return Scene(item, 0, position, orientation, True, 1, depth, rgb)
+        camera = Camera(target=position)
+        return Scene(item, 0, position, orientation, True, 1, *camera.render(world.client), camera)
 
     return make
 
