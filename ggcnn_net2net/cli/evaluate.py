@@ -1,17 +1,27 @@
-"""`ggcnn-net2net evaluate ...`: single grasps, and the failures of a benchmark."""
+"""`ggcnn-net2net evaluate ...`: single grasps, the failures of a benchmark, the IoU rate."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+from dataclasses import astuple
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ggcnn_net2net.grasping import IouRate
+
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 def evaluate() -> None:
-    """Try single grasps of a network and look at failures.
+    """Try single grasps of a network, look at failures, score it on a dataset.
 
     The whole benchmark of your own network is `ggcnn-net2net reproduce table1 --models original,FILE`.
 
@@ -129,3 +139,104 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
             strips.append(strip)
     save_strips(output, strips)
     click.echo(f"{len(chosen)} of {len(failed)} failures written to {output}")
+
+
+@evaluate.command()
+@click.argument("model")
+@click.argument("dataset", type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.option("--split", default="test", show_default=True, help="Split of the dataset.")
+@click.option(
+    "--workers",
+    default=1,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Processes that decode the maps; more than 1 seldom helps. Results do not depend on it.",
+)
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="Write the result as JSON.")
+@click.option("--csv", "csv_path", type=click.Path(path_type=Path, dir_okay=False), help="Write a CSV row an image.")
+def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None, csv_path: Path | None) -> None:
+    """IoU rate of MODEL (a file, or "published") on DATASET, an HDF5 file of the GG-CNN layout.
+
+    A grasp counts if its rectangle shares more than a quarter of the pixels (IoU) with a labelled one whose direction
+    is within 30 degrees. Printed as published (PAPER) and corrected: the published code takes 89 and -89 degrees for
+    178 degrees apart, and subtracts the mean of the depth twice.
+
+    \b
+    Example: ggcnn-net2net evaluate iou published cornell.hdf5 -o iou.json
+    """
+    from rich.console import Console
+
+    from ggcnn_net2net.atomic import write_text
+    from ggcnn_net2net.cli.progress import stages
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.inference.iou_rate import iou_rate_of
+    from ggcnn_net2net.model_files.load import load_ggcnn, source_path
+    from ggcnn_net2net.protocol import CORRECTED, PAPER
+    from ggcnn_net2net.quiet import import_tensorflow
+    from ggcnn_net2net.reference_data import sha256_of
+    from ggcnn_net2net.reproduce.results import versions
+
+    import_tensorflow()
+    path = source_path(model)
+    network = load_ggcnn(path)
+    images = GraspDataset(dataset, split)
+    console = Console()
+    with stages(console) as progress:
+        rates = {
+            protocol: iou_rate_of(network, images, protocol, workers, on_progress=progress)
+            for protocol in (PAPER, CORRECTED)
+        }
+    console.print(_iou_table({protocol.name: rate for protocol, rate in rates.items()}))
+    if output is not None:
+        content = {
+            "experiment": "iou",
+            "model": {"file": str(path), "sha256": sha256_of(path), "parameters": network.count_params()},
+            "dataset": {"file": str(dataset), "split": split, "images": len(images), "fingerprint": images.fingerprint},
+            "rates": [{"protocol": protocol.as_dict(), **_iou_as_dict(rate)} for protocol, rate in rates.items()],
+            "versions": versions(),
+        }
+        write_text(output, json.dumps(content, indent=2) + "\n")
+        click.echo(f"Written to {output}")
+    if csv_path is not None:
+        write_text(csv_path, _iou_csv(images.image_ids, {protocol.name: rate for protocol, rate in rates.items()}))
+        click.echo(f"Written to {csv_path}")
+
+
+def _iou_table(rates: dict[str, IouRate]) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from ggcnn_net2net.reproduce.statistics import Rate
+
+    table = Table(title="IoU rate", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("protocol", "success", "rate (95% interval)", "no grasp found"):
+        table.add_column(heading, justify="left" if heading == "protocol" else "right", no_wrap=True)
+    for name, rate in rates.items():
+        low, high = Rate(rate.successes, rate.total).interval
+        interval = f"{rate.rate:.3f} ({low:.3f}-{high:.3f})"
+        table.add_row(name, f"{rate.successes}/{rate.total}", interval, str(rate.without_grasp))
+    return table
+
+
+def _iou_as_dict(rate: IouRate) -> dict[str, Any]:
+    from ggcnn_net2net.reproduce.statistics import Rate
+
+    return {
+        "successes": rate.successes,
+        "images": rate.total,
+        "rate": rate.rate,
+        "wilson_95": list(Rate(rate.successes, rate.total).interval),
+        "without_grasp": rate.without_grasp,
+    }
+
+
+def _iou_csv(image_ids: list[str], rates: dict[str, IouRate]) -> str:
+    """A row an image and protocol; the grasp's cells are empty where there is none."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("image", "img_id", "protocol", "success", "row", "col", "angle", "width_px", "quality"))
+    for name, rate in rates.items():
+        for index, (grasp, success) in enumerate(zip(rate.grasps, rate.success, strict=True)):
+            cells = astuple(grasp) if grasp is not None else ("",) * 5
+            writer.writerow((index, image_ids[index], name, int(success), *cells))
+    return text.getvalue()
