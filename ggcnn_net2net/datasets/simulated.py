@@ -1,0 +1,286 @@
+"""Simulated scenes with antipodal labels, written as raw Cornell scenes: any GG-CNN tool can train on them.
+
+A training object (none of the benchmark's) comes to rest under the benchmark's camera, which sees a larger image from a
+varied height and offset. Labels come from the object's true geometry (`simulation.antipodal`), one closing direction a
+place: a network that is told several at one place learns their mean, which is none of them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ggcnn_net2net.atomic import replacing, write_text
+from ggcnn_net2net.datasets.raw import fill_missing
+from ggcnn_net2net.errors import DatasetError
+from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle, wrap_angle
+from ggcnn_net2net.parallel import Crash, run_parallel
+from ggcnn_net2net.protocol import PAPER, Protocol
+from ggcnn_net2net.simulation.antipodal import AntipodalGrasps, agreeing, find_antipodal_grasps, rows_of
+from ggcnn_net2net.simulation.camera import Camera
+from ggcnn_net2net.simulation.scenes import Scene, drop_object
+from ggcnn_net2net.simulation.training_objects import training_object
+from ggcnn_net2net.simulation.world import World
+
+FORMAT = "ggcnn_net2net simulated scenes 1"
+FOLDER_SIZE = 100
+"""Scenes in each numbered sub-folder, as in Cornell's."""
+MAX_SCENES = 10_000
+"""Cornell's names have four digits."""
+_IMAGE = (480, 640)
+_ATTEMPTS = 50
+_POINTS = 300  # at which grasps are looked for in a scene
+_LOWEST = 0.003  # metres above the plane from which a pixel belongs to the object
+_JAW = 1 / 3  # side of a rectangle along the jaws, in openings
+_EDGE = 0.01  # metres from pixel to pixel
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What simulated scenes are like; with the same settings they are the same."""
+
+    seed: int = 0
+    camera_heights: tuple[float, float] = (1.3, 1.7)
+    """Range of the camera's height in metres; the benchmark's is 1.5."""
+    camera_offset: float = 0.1
+    """Most distance of the camera from the middle, along x and along y, in metres."""
+    noise: float = 0.0
+    """Standard deviation of the depth noise in metres at 1 m; it grows with the square of the depth."""
+    missing: float = 0.0
+    """Share of the pixels along depth edges that are lost, and filled in from around them as Cornell's are."""
+    least_labels: int = 5
+    """Scenes with fewer labels are drawn again."""
+    place: float = 0.06
+    """Metres within which labels have to agree on the closing direction and the opening."""
+    protocol: Protocol = PAPER
+    """Decides where an object's centre lies."""
+
+    def __post_init__(self) -> None:
+        low, high = self.camera_heights
+        if not (0.5 <= low <= high <= 4 and 0 <= self.camera_offset <= 0.5):
+            raise DatasetError(
+                "expected camera heights of 0.5 to 4 m and an offset of 0 to 0.5 m, received "
+                f"{self.camera_heights} and {self.camera_offset}"
+            )
+        if self.seed < 0 or self.noise < 0 or not 0 <= self.missing <= 1 or self.least_labels < 1:
+            raise DatasetError(
+                "expected a seed and noise of 0 or more, missing within [0, 1] and least_labels of 1 or more, received "
+                f"seed={self.seed}, noise={self.noise}, missing={self.missing}, least_labels={self.least_labels}"
+            )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Settings as JSON holds them."""
+        return {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": self.protocol.name}
+
+
+@dataclass(frozen=True)
+class SimulatedScene:
+    """A scene and its labels."""
+
+    scene: Scene
+    """The object at rest; (480, 640) images."""
+    rectangles: npt.NDArray[np.float64]
+    """(n, 4, 2) corners (row, col) in pixels."""
+
+
+def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedScene:
+    """Make one scene; it depends on `settings` and `index` alone.
+
+    Objects that do not come to rest, or offer too few grasps, are replaced by others.
+
+    Args:
+        world: is reset first.
+        index: which of the endless scenes with these settings.
+        settings: camera, noise and labels.
+
+    Raises:
+        DatasetError: no object offers enough grasps.
+    """
+    for attempt in range(_ATTEMPTS):
+        rng = np.random.default_rng([settings.seed, index, attempt])
+        model = training_object(index * _ATTEMPTS + attempt, settings.seed, settings.protocol)
+        body, stable, drops = drop_object(world, model, rng)
+        if not stable:
+            continue
+        position, orientation = world.pose_of(body)
+        x, y = rng.uniform(-settings.camera_offset, settings.camera_offset, 2)
+        camera = _camera(position, (x, y, rng.uniform(*settings.camera_heights)))
+        depth, rgb = camera.render(world.client)
+        grasps, pixels = label_grasps(world, body, depth, camera, settings.place)
+        if len(grasps) < settings.least_labels:
+            continue
+        rectangles = _rectangles(grasps, pixels, depth, camera)
+        depth = _degrade(depth, rng, settings)
+        scene = Scene(model, index, position, orientation, stable, drops, depth, rgb, camera)
+        return SimulatedScene(scene, rectangles)
+    raise DatasetError(
+        f"expected a scene with {settings.least_labels} labels or more, received none in {_ATTEMPTS} attempts: lower "
+        "least_labels"
+    )
+
+
+def _camera(target: tuple[float, float, float], position: tuple[float, float, float]) -> Camera:
+    """The benchmark's camera with a larger image: the same angle a pixel, and Cornell's number of pixels."""
+    benchmark = Camera(target)
+    fov = 2 * np.degrees(np.arctan(_IMAGE[0] / 2 / benchmark.focal_px))
+    return Camera(target, position, fov=float(fov), height=_IMAGE[0], width=_IMAGE[1])
+
+
+def label_grasps(
+    world: World, body: int, depth: npt.NDArray[np.floating], camera: Camera, place: float
+) -> tuple[AntipodalGrasps, npt.NDArray[np.intp]]:
+    """Grasps of what the camera sees, one a place.
+
+    Args:
+        world: with the object at rest.
+        body: the object's id.
+        depth: (H, W) metres, without noise.
+        camera: that took it.
+        place: metres within which grasps have to agree.
+
+    Returns:
+        The grasps and the pixels (row, col) of their points.
+    """
+    points = camera.world_from_image(depth)
+    seen = points[..., 2] > _LOWEST
+    stride = max(int(np.ceil(np.sqrt(seen.sum() / _POINTS))), 1)
+    chosen = np.zeros_like(seen)
+    chosen[::stride, ::stride] = seen[::stride, ::stride]
+    rows, cols = np.nonzero(chosen)
+    grasps = find_antipodal_grasps(world.client, body, points[rows, cols])
+    grasps = rows_of(grasps, agreeing(grasps, place))
+    return grasps, np.stack([rows, cols], axis=1)[grasps.origin]
+
+
+def _rectangles(
+    grasps: AntipodalGrasps, pixels: npt.NDArray[np.intp], depth: npt.NDArray[np.floating], camera: Camera
+) -> npt.NDArray[np.float64]:
+    """(n, 4, 2) rectangles (row, col), a third as wide as they are long.
+
+    A jaw is narrower, but the IoU rate compares with predictions half as wide as long, and would reject all of them.
+    """
+    scale = camera.focal_px / depth[pixels[:, 0], pixels[:, 1]]
+    openings = grasps.opening * scale
+    corners = [
+        grasp_to_rectangle(Grasp(row, col, wrap_angle(angle), opening), opening * _JAW)
+        for (row, col), angle, opening in zip(pixels.tolist(), grasps.angle, openings, strict=True)
+    ]
+    return np.array(corners).reshape(-1, 4, 2)
+
+
+def _degrade(depth: npt.NDArray[np.float32], rng: np.random.Generator, settings: Simulation) -> npt.NDArray[np.float32]:
+    """Depth with the noise and the missing pixels of a real camera."""
+    noisy = depth + rng.normal(size=depth.shape) * settings.noise * depth**2 if settings.noise else depth
+    if not settings.missing:
+        return noisy.astype(np.float32)
+    edges = np.hypot(*np.gradient(depth)) > _EDGE
+    lost = cv2.dilate(edges.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    return fill_missing(noisy, lost & (rng.random(depth.shape) < settings.missing))
+
+
+def simulate_folder(
+    folder: Path,
+    scenes: int,
+    settings: Simulation,
+    workers: int,
+    on_progress: Callable[[int, int], None] = lambda *_: None,
+) -> dict[str, int]:
+    """Write scenes in the form of the Cornell dataset; those that are there are kept: a stopped call goes on.
+
+    Layout: NN/pcdNNNNr.png, d.tiff (float32 metres), cpos.txt (corners "x y", four lines a rectangle) and scene.json
+    (object, pose, camera), a hundred scenes a sub-folder; z.txt (scene, object number, object); simulation.json.
+
+    Args:
+        folder: where to write; need not exist.
+        scenes: how many; more can be added later by calling again with more.
+        settings: what they are like.
+        workers: processes; the files do not depend on their number.
+        on_progress: called with (scenes that are there, scenes in all).
+
+    Returns:
+        Number of labels of each scene.
+
+    Raises:
+        DatasetError: the folder holds scenes with other settings, or too many scenes are asked for.
+    """
+    if not 1 <= scenes <= MAX_SCENES:
+        raise DatasetError(f"expected 1 to {MAX_SCENES} scenes, received {scenes}")
+    _claim(folder, settings)
+    missing = [index for index in range(scenes) if not _file(folder, index, "scene.json").is_file()]
+    done = scenes - len(missing)
+    on_progress(done, scenes)
+    inputs = ((folder, index, settings) for index in missing)
+    for position, result in run_parallel(_write_scene, inputs, workers):
+        if isinstance(result, Crash):
+            raise DatasetError(
+                f"a worker died {result.attempts} times on scene {missing[position]} (exit code {result.exit_code}): "
+                "memory full? Call again to go on"
+            )
+        done += 1
+        on_progress(done, scenes)
+    records = [json.loads(_file(folder, index, "scene.json").read_text()) for index in range(scenes)]
+    numbers = {name: number for number, name in enumerate(sorted({record["object"] for record in records}))}
+    lines = [f"{index:04d} {numbers[record['object']]} {record['object']}\n" for index, record in enumerate(records)]
+    write_text(folder / "z.txt", "".join(lines))
+    return {record["name"]: record["labels"] for record in records}
+
+
+def _claim(folder: Path, settings: Simulation) -> None:
+    """Write the settings into a new folder, or see that they are those of an old one."""
+    expected = json.loads(json.dumps({"format": FORMAT, **settings.as_dict()}))
+    path = folder / "simulation.json"
+    if not path.is_file():
+        write_text(path, json.dumps(expected, indent=1) + "\n")
+        return
+    found = json.loads(path.read_text())
+    differing = [name for name in expected if found.get(name) != expected[name]]
+    if differing:
+        raise DatasetError(
+            f"expected scenes with these settings in {folder}, it differs in "
+            + ", ".join(f"{name} ({found.get(name)} there, {expected[name]} here)" for name in differing)
+            + ": choose another folder, or its settings"
+        )
+
+
+def _name(index: int) -> str:
+    return f"pcd{index:04d}"
+
+
+def _file(folder: Path, index: int, suffix: str) -> Path:
+    return folder / f"{index // FOLDER_SIZE + 1:02d}" / f"{_name(index)}{suffix}"
+
+
+@cache
+def _process_world() -> World:
+    """The one world of this worker process."""
+    return World()
+
+
+def _write_scene(folder: Path, index: int, settings: Simulation) -> None:
+    """Make and write one scene, its JSON last: a scene that has it is whole. Runs in a worker process."""
+    made = simulate_scene(_process_world(), index, settings)
+    scene = made.scene
+    with replacing(_file(folder, index, "r.png")) as path:
+        cv2.imwrite(str(path), scene.rgb[..., ::-1])
+    with replacing(_file(folder, index, "d.tiff")) as path:
+        cv2.imwrite(str(path), scene.depth, [cv2.IMWRITE_TIFF_COMPRESSION, 8])  # 8: deflate
+    corners = made.rectangles.reshape(-1, 2)
+    write_text(_file(folder, index, "cpos.txt"), "".join(f"{col:.2f} {row:.2f}\n" for row, col in corners.tolist()))
+    record = {
+        "name": _name(index),
+        "object": scene.model.name,
+        "longest_side": scene.model.longest_side,
+        "position": scene.position,
+        "orientation": scene.orientation,
+        "camera": asdict(scene.camera),
+        "labels": len(made.rectangles),
+    }
+    write_text(_file(folder, index, "scene.json"), json.dumps(record) + "\n")
