@@ -17,7 +17,7 @@ from ggcnn_net2net.datasets.simulated import Simulation, simulate_scene
 from ggcnn_net2net.grasping import rectangle_to_grasp
 from ggcnn_net2net.parallel import run_parallel
 from ggcnn_net2net.protocol import protocol_named
-from ggcnn_net2net.reproduce.statistics import wilson_interval
+from ggcnn_net2net.reproduce.statistics import Rate
 from ggcnn_net2net.simulation.trial import run_trial
 from ggcnn_net2net.simulation.world import World
 
@@ -52,11 +52,12 @@ def main() -> None:
     inputs = ((index, settings, arguments.protocols) for index in range(arguments.labels))
     rows = [row for _, row in run_parallel(try_label, inputs, arguments.workers)]
     labels, seconds = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
-    print(f"{len(rows)} scenes, seed {arguments.seed}: {labels.mean():.0f} labels a scene, median {np.median(labels):.0f}")
+    print(
+        f"{len(rows)} scenes, seed {arguments.seed}: {labels.mean():.0f} labels a scene (median {np.median(labels):.0f})"
+    )
     print(f"{seconds.mean():.2f} s to make a scene, with {arguments.workers} workers")
     for position, name in enumerate(arguments.protocols):
         outcomes = Counter(row[3][position] for row in rows)
-        low, high = wilson_interval(outcomes["success"], len(rows))
         print(
             f"{name}: {outcomes['success']}/{len(rows)} = {outcomes['success'] / len(rows):.3f} ({low:.3f}-{high:.3f})"
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ggcnn_net2net.cli.options import WORKERS
+from ggcnn_net2net.cli.options import PROTOCOL, WORKERS
 
 if TYPE_CHECKING:
     from ggcnn_net2net.datasets.raw import Problem
@@ -105,6 +105,42 @@ def build(
     _print_problems(result.problems)
     rows = ", ".join(f"{count} {side}" for side, count in result.rows.items())
     click.echo(f"{len(scenes)} {scenes.form} scenes, split {split.sha256[:12]}: {rows} images written to {output}")
+
+
+@dataset.command()
+@click.option("-o", "--output", required=True, type=FOLDER, help="Folder to write, or to go on with.")
+@click.option("--scenes", "count", default=1000, show_default=True, type=click.IntRange(1, 10_000), help="How many.")
+@click.option(
+    "--noise", default=0.0, show_default=True, type=click.FloatRange(0), help="Depth noise at 1 m, in metres (sigma)."
+)
+@click.option(
+    "--missing", default=0.0, show_default=True, type=click.FloatRange(0, 1), help="Share of edge pixels that are lost."
+)
+@SEED
+@PROTOCOL
+@WORKERS
+def simulate(
+    output: Path, count: int, noise: float, missing: float, seed: int, protocol_name: str, workers: int
+) -> None:
+    """Simulate scenes of training objects, none of the benchmark's, with antipodal grasps for labels.
+
+    They have the form of the Cornell dataset; `dataset build` makes an HDF5 file of them. A stopped run goes on when
+    it is called again, and more scenes can be added with a larger --scenes.
+
+    \b
+    Example: ggcnn-net2net dataset simulate -o simulated --scenes 1000
+             ggcnn-net2net dataset build simulated -o simulated.h5 --split object --zoom 0.7 1
+    """
+    from rich.console import Console
+
+    from ggcnn_net2net.cli.progress import stages
+    from ggcnn_net2net.datasets.simulated import Simulation, simulate_folder
+    from ggcnn_net2net.protocol import protocol_named
+
+    settings = Simulation(seed=seed, noise=noise, missing=missing, protocol=protocol_named(protocol_name))
+    with stages(Console()) as progress:
+        labels = simulate_folder(output, count, settings, workers, lambda done, total: progress("scenes", done, total))
+    click.echo(f"{len(labels)} scenes, {sum(labels.values()) / len(labels):.0f} labels a scene, written to {output}")
 
 
 @dataset.command()

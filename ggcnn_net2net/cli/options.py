@@ -28,5 +28,5 @@ WORKERS = click.option(
     default=os.cpu_count() or 1,
     show_default="number of cores",
     type=click.IntRange(min=1),
-    help="Processes for the simulation. Results do not depend on it.",
+    help="Processes. Results do not depend on their number.",
 )

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ggcnn_net2net.errors import DatasetError
-from ggcnn_net2net.grasping import RSS_2018
+from ggcnn_net2net.grasping import RSS_2018, closing_angles
 
 FloatMap = npt.NDArray[np.float32]
 
@@ -40,7 +40,7 @@ def draw_label_maps(rectangles: npt.ArrayLike, shape: tuple[int, int] = (300, 30
     corners = checked_rectangles(rectangles)
     closing = corners[:, 1] - corners[:, 0]
     opening = np.hypot(closing[:, 0], closing[:, 1])
-    angle = wrapped_angles(corners)
+    angle = closing_angles(corners)
     half_jaw = np.hypot(*(corners[:, 2] - corners[:, 1]).T) / 2
     half_third = opening / 6
     centre = corners.mean(axis=1)
@@ -83,12 +83,6 @@ def targets_of(quality: npt.ArrayLike, angle: npt.ArrayLike, width: npt.ArrayLik
     scale = np.float32(RSS_2018.width_scale)
     fraction = np.clip(np.asarray(width, dtype=np.float32), 0, scale) / scale
     return np.stack([np.asarray(quality, dtype=np.float32), np.cos(double), np.sin(double), fraction], axis=-1)
-
-
-def wrapped_angles(rectangles: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Closing directions of (n, 4, 2) rectangles in radians, [-π/2, π/2)."""
-    closing = rectangles[:, 1] - rectangles[:, 0]
-    return (np.arctan2(-closing[:, 0], closing[:, 1]) + np.pi / 2) % np.pi - np.pi / 2
 
 
 def checked_rectangles(rectangles: npt.ArrayLike) -> npt.NDArray[np.float64]:

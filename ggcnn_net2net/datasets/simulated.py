@@ -240,7 +240,10 @@ def _claim(folder: Path, settings: Simulation) -> None:
     if not path.is_file():
         write_text(path, json.dumps(expected, indent=1) + "\n")
         return
-    found = json.loads(path.read_text())
+    try:
+        found = dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError) as error:
+        raise DatasetError(f"expected the settings of simulated scenes in {path}: {error}") from error
     differing = [name for name in expected if found.get(name) != expected[name]]
     if differing:
         raise DatasetError(

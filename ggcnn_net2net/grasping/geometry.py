@@ -36,6 +36,12 @@ def wrap_angle(angle: float) -> float:
     return float((angle + np.pi / 2) % np.pi - np.pi / 2)
 
 
+def closing_angles(rectangles: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Closing directions of rectangles (n, 4, 2), (n,) radians in [-π/2, π/2); 0 where edge 0-1 has no length."""
+    start, end = rectangles[:, 0], rectangles[:, 1]
+    return (np.arctan2(start[:, 0] - end[:, 0], end[:, 1] - start[:, 1]) + np.pi / 2) % np.pi - np.pi / 2
+
+
 def grasp_to_rectangle(grasp: Grasp, jaw_px: float | None = None) -> npt.NDArray[np.float64]:
     """Corners of a grasp rectangle.
 

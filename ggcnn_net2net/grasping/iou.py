@@ -20,7 +20,7 @@ import numpy.typing as npt
 from skimage.draw import polygon
 
 from ggcnn_net2net.errors import GraspError
-from ggcnn_net2net.grasping.geometry import Grasp, grasp_to_rectangle
+from ggcnn_net2net.grasping.geometry import Grasp, closing_angles, grasp_to_rectangle
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -168,14 +168,8 @@ def _ious(a: FloatArray, b: FloatArray, wrapped: bool) -> FloatArray:
 
 
 def _angles_agree(a: FloatArray, b: FloatArray, wrapped: bool) -> npt.NDArray[np.bool_]:
-    apart = np.abs(_angles(a) - _angles(b))  # below π; as published, 89° and -89° are 178° apart
+    apart = np.abs(closing_angles(a) - closing_angles(b))  # below π; as published, 89° and -89° are 178° apart
     return (np.minimum(apart, np.pi - apart) if wrapped else apart) <= LARGEST_ANGLE
-
-
-def _angles(rectangles: FloatArray) -> FloatArray:
-    """Closing directions of (n, 4, 2) rectangles in [-π/2, π/2); 0 where edge 0-1 has no length."""
-    start, end = rectangles[:, 0], rectangles[:, 1]
-    return (np.arctan2(start[:, 0] - end[:, 0], end[:, 1] - start[:, 1]) + np.pi / 2) % np.pi - np.pi / 2
 
 
 def pixel_counts(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:

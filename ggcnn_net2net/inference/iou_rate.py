@@ -62,7 +62,7 @@ def iou_rate_of(
     if total == 0:
         raise DatasetError("expected a dataset with at least one image, received none: name another split")
     images = _inputs(model, dataset, protocol.iou_recentres_depth)
-    blocks = _blocks(predict_maps(model, images))  # type: ignore[arg-type]  # any iterable of images serves
+    blocks = _blocks(predict_maps(model, images))
     decoded: dict[int, list[Grasp | None]] = {}
     on_progress(protocol.name, 0, total)
     for index, found in _decode_all(blocks, workers):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     import keras
 
 
-def predict_maps(model: keras.Model, inputs: npt.NDArray[np.floating]) -> Iterator[npt.NDArray[np.float32]]:
+def predict_maps(model: keras.Model, inputs: Iterable[npt.NDArray[np.floating]]) -> Iterator[npt.NDArray[np.float32]]:
     """Yield the four maps of each image, one image at a time, so that a result does not depend on its batch.
 
     Args:
         model: a GG-CNN.
-        inputs: (n, H, W) network inputs: depth in metres minus the image's mean.
+        inputs: n network inputs (H, W): depth in metres minus the image's mean.
 
     Yields:
         (4, H, W): quality, cos 2θ, sin 2θ, width / 150 px.

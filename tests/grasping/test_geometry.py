@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ggcnn_net2net.errors import GraspError
-from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle, rectangle_to_grasp, wrap_angle
+from ggcnn_net2net.grasping import Grasp, closing_angles, grasp_to_rectangle, rectangle_to_grasp, wrap_angle
 
 grasps = st.builds(
     Grasp,
@@ -58,3 +58,11 @@ def test_wrap_angle_keeps_the_direction(angle):
 def test_impossible_rectangles_are_refused(corners):
     with pytest.raises(GraspError, match="expected"):
         rectangle_to_grasp(corners)
+
+
+@given(grasps)
+def test_closing_angles_of_many_rectangles(grasp):
+    rectangle = grasp_to_rectangle(grasp)
+    (angle,) = closing_angles(rectangle[None])
+    assert wrap_angle(angle - grasp.angle) == pytest.approx(0, abs=1e-6)
+    assert closing_angles(np.zeros((2, 4, 2))).tolist() == [0, 0]
