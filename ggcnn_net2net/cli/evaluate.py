@@ -144,7 +144,7 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
 @evaluate.command()
 @click.argument("model")
 @click.argument("dataset", type=click.Path(path_type=Path, exists=True, dir_okay=False))
-@click.option("--split", default="test", show_default=True, help="Split of the dataset.")
+@click.option("--split", default="test", show_default=True, help='Split of the dataset, or "all" for all its images.')
 @click.option(
     "--workers",
     default=1,
@@ -168,7 +168,9 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
 
     from ggcnn_net2net.atomic import write_text
     from ggcnn_net2net.cli.progress import stages
+    from ggcnn_net2net.datasets.concatenation import splits_of
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.grasping.iou import joined
     from ggcnn_net2net.inference.iou_rate import iou_rate_of
     from ggcnn_net2net.model_files.load import load_ggcnn, source_path
     from ggcnn_net2net.protocol import CORRECTED, PAPER
@@ -179,11 +181,20 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
     import_tensorflow()
     path = source_path(model)
     network = load_ggcnn(path)
-    images = GraspDataset(dataset, split)
+    parts = splits_of(dataset) if split == "all" else [GraspDataset(dataset, split)]
     console = Console()
     with stages(console) as progress:
         rates = {
-            protocol: iou_rate_of(network, images, protocol, workers, on_progress=progress)
+            protocol: joined(
+                iou_rate_of(
+                    network,
+                    images,
+                    protocol,
+                    workers,
+                    on_progress=lambda name, done, total, side=images.split: progress(f"{name}, {side}", done, total),
+                )
+                for images in parts
+            )
             for protocol in (PAPER, CORRECTED)
         }
     console.print(_iou_table({protocol.name: rate for protocol, rate in rates.items()}))
@@ -191,14 +202,20 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
         content = {
             "experiment": "iou",
             "model": {"file": str(path), "sha256": sha256_of(path), "parameters": network.count_params()},
-            "dataset": {"file": str(dataset), "split": split, "images": len(images), "fingerprint": images.fingerprint},
+            "dataset": {
+                "file": str(dataset),
+                "split": split,
+                "images": sum(map(len, parts)),
+                "fingerprint": "+".join(images.fingerprint for images in parts),
+            },
             "rates": [{"protocol": protocol.as_dict(), **_iou_as_dict(rate)} for protocol, rate in rates.items()],
             "versions": versions(),
         }
         write_text(output, json.dumps(content, indent=2) + "\n")
         click.echo(f"Written to {output}")
     if csv_path is not None:
-        write_text(csv_path, _iou_csv(images.image_ids, {protocol.name: rate for protocol, rate in rates.items()}))
+        image_ids = [name for images in parts for name in images.image_ids]
+        write_text(csv_path, _iou_csv(image_ids, {protocol.name: rate for protocol, rate in rates.items()}))
         click.echo(f"Written to {csv_path}")
 
 

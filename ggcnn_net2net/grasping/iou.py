@@ -12,7 +12,7 @@ that `skimage.draw.polygon` has on a canvas.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +62,15 @@ class IouRate:
     def without_grasp(self) -> int:
         """Images in which the network saw no grasp."""
         return sum(grasp is None for grasp in self.grasps)
+
+
+def joined(rates: Iterable[IouRate]) -> IouRate:
+    """The rate over the images of several test sets, one after the other."""
+    parts = list(rates)
+    return IouRate(
+        tuple(grasp for part in parts for grasp in part.grasps),
+        tuple(success for part in parts for success in part.success),
+    )
 
 
 def iou_rate(

@@ -97,3 +97,17 @@ def test_missing_split_and_model_are_explained(untrained, tmp_path):
         call(untrained, tmp_path / "scenes.hdf5", "--split", "train")
     with pytest.raises(ModelFileError, match="no file"):
         call(tmp_path / "none.hdf5", tmp_path / "scenes.hdf5")
+
+
+def test_all_splits_together(untrained, tmp_path):
+    write_dataset(tmp_path / "scenes.hdf5", np.zeros((3, 300, 300)), [[LABEL], [], [LABEL]])
+    with h5py.File(tmp_path / "scenes.hdf5", "a") as file:
+        file.copy("test", "train")
+        file["train/img_id"][...] = np.arange(3)
+    output, rows = tmp_path / "iou.json", tmp_path / "iou.csv"
+    text = call(untrained, tmp_path / "scenes.hdf5", "--split", "all", "-o", output, "--csv", rows)
+    assert "0/6" in text
+    assert json.loads(output.read_text())["dataset"]["images"] == 6
+    with rows.open() as lines:
+        images = [row["img_id"] for row in csv.DictReader(lines) if row["protocol"] == "PAPER"]
+    assert images == ["0", "1", "2", "100", "101", "102"]
