@@ -52,15 +52,13 @@ def main() -> None:
     inputs = ((index, settings, arguments.protocols) for index in range(arguments.labels))
     rows = [row for _, row in run_parallel(try_label, inputs, arguments.workers)]
     labels, seconds = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
-    print(
-        f"{len(rows)} scenes, seed {arguments.seed}: {labels.mean():.0f} labels a scene (median {np.median(labels):.0f})"
-    )
+    print(f"{len(rows)} scenes, seed {arguments.seed}: {labels.mean():.0f} labels each, median {np.median(labels):.0f}")
     print(f"{seconds.mean():.2f} s to make a scene, with {arguments.workers} workers")
     for position, name in enumerate(arguments.protocols):
         outcomes = Counter(row[3][position] for row in rows)
-        print(
-            f"{name}: {outcomes['success']}/{len(rows)} = {outcomes['success'] / len(rows):.3f} ({low:.3f}-{high:.3f})"
-        )
+        rate = Rate(outcomes["success"], len(rows))
+        low, high = rate.interval
+        print(f"{name}: {rate.successes}/{rate.trials} = {rate.value:.3f} ({low:.3f}-{high:.3f})")
         print(f"  {dict(outcomes.most_common())}")
         failed = Counter(row[0].rsplit("_", 1)[0] for row in rows if row[3][position] != "success")
         of_each = Counter(row[0].rsplit("_", 1)[0] for row in rows)

@@ -15,7 +15,9 @@ COMMANDS = {
     "reproduce": ("reproduce", "reproduce", "Make the paper's tables and figures again."),
     "evaluate": ("evaluate", "evaluate", "Try single grasps of a network and look at failures."),
     "objects": ("objects", "objects", "Show an object set: a table and a contact sheet."),
+    "dataset": ("dataset", "dataset", "Read, convert, join and look at grasp data."),
     "inspect": ("inspect", "inspect_command", "Tell what a model file holds."),
+    "train": ("train", "train_command", "Train a network on grasp data."),
     "grow": ("grow", "grow_command", "Apply Net2Net operations to a model file."),
 }
 INTERRUPTED = 130

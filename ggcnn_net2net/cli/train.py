@@ -1,0 +1,191 @@
+"""`ggcnn-net2net train`: train a network on grasp data."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ggcnn_net2net.cli.options import PROTOCOL
+
+if TYPE_CHECKING:
+    import keras
+    from rich.table import Table
+
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.training import Recipe, TrainingResult
+    from ggcnn_net2net.training.train import OnProgress
+
+_SHOWN = 10  # epochs of the final table
+POSITIVE = click.IntRange(min=1)
+
+
+@click.command("train", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("network")
+@click.argument("dataset", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="Model to write.")
+@click.option("--epochs", default=30, show_default=True, type=POSITIVE)
+@click.option("--batch-size", default=4, show_default=True, type=POSITIVE, help="Images a step.")
+@PROTOCOL
+@click.option("--optimizer", default="rmsprop-keras2", show_default=True, help="The paper's, or a name Keras knows.")
+@click.option("--learning-rate", default=1e-3, show_default=True, type=click.FloatRange(0, min_open=True))
+@click.option("--schedule", type=click.Choice(["cosine"]), help="Let the learning rate fall to 0. [default: constant]")
+@click.option("--images-per-epoch", type=POSITIVE, help="Images of an epoch. [default: all]")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of new weights and the order.")
+@click.option("--threads", default=os.cpu_count() or 1, show_default="number of cores", type=POSITIVE)
+@click.option(
+    "--validation/--no-validation", default=True, show_default=True, help="Report the loss on the test split."
+)
+@click.option("--checkpoint-dir", type=click.Path(path_type=Path, file_okay=False), help="[default: OUTPUT.training]")
+@click.option("--fresh", is_flag=True, help="Start from epoch 1 even if there is a checkpoint.")
+def train_command(
+    network: str,
+    dataset: Path,
+    output: Path,
+    epochs: int,
+    batch_size: int,
+    protocol_name: str,
+    optimizer: str,
+    learning_rate: float,
+    schedule: str | None,
+    images_per_epoch: int | None,
+    seed: int,
+    threads: int,
+    validation: bool,
+    checkpoint_dir: Path | None,
+    fresh: bool,
+) -> None:
+    """Train NETWORK on the "train" split of DATASET, an HDF5 file of `dataset build`.
+
+    NETWORK is an architecture (C9x9x8_T9x9x8, or original, extended, optimized, narrow, shallow), which starts with new
+    weights, or a model file or "published", which goes on from its own. The protocol chooses the loss and the order of
+    the images. Beside the model come its losses (.csv, .png) and what made it (.json). The same command goes on where
+    an interrupted one stopped; the same seed and threads give the same weights.
+
+    \b
+    Example: ggcnn-net2net train original cornell.h5 -o cornell.hdf5 --epochs 30 --protocol corrected
+    """
+    from rich.console import Console
+
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset  # --help must not load what the work needs
+    from ggcnn_net2net.model_files.save import check_writable, save_ggcnn
+    from ggcnn_net2net.protocol import protocol_named
+    from ggcnn_net2net.quiet import import_tensorflow
+    from ggcnn_net2net.training import Recipe, set_threads, train
+
+    check_writable(output)
+    data = GraspDataset(dataset, "train")
+    recipe = Recipe(
+        epochs=epochs,
+        batch_size=batch_size,
+        optimizer=optimizer,
+        learning_rate=learning_rate,
+        learning_rate_schedule=schedule,
+        images_per_epoch=images_per_epoch,
+        seed=seed,
+        protocol=protocol_named(protocol_name),
+    )
+    import_tensorflow()
+    set_threads(threads)
+    model = _network(network, data.shape[0], seed)
+    checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
+    console = Console()
+    try:
+        with _progress(recipe, console) as on_progress:
+            result = train(
+                model,
+                data,
+                recipe,
+                validation=GraspDataset(dataset, "test") if validation else None,
+                checkpoint_dir=checkpoint_dir,
+                on_progress=on_progress,
+                resume=not fresh,
+            )
+    except KeyboardInterrupt:
+        click.echo(f"Finished epochs are kept in {checkpoint_dir}: the same command goes on from there.", err=True)
+        raise
+    save_ggcnn(result.model, output)
+    _write_records(output, result, recipe, data, {"network": network, "threads": threads})
+    console.print(_table(result))
+    click.echo(f"written to {output}, with .csv, .png and .json beside it")
+
+
+def _network(network: str, size: int, seed: int) -> keras.Model:
+    from ggcnn_net2net.architecture import build_ggcnn
+    from ggcnn_net2net.model_files import load_ggcnn
+
+    is_file = network == "published" or Path(network).suffix or Path(network).exists()
+    return load_ggcnn(network) if is_file else build_ggcnn(network, input_size=size, seed=seed)
+
+
+@contextmanager
+def _progress(recipe: Recipe, console: Any) -> Iterator[OnProgress]:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[speed]}"),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("starting", total=None, speed="")
+        started, images = time.monotonic(), 0
+
+        def show(epoch: int, step: int, steps: int, loss: float) -> None:
+            nonlocal images
+            images += recipe.batch_size
+            progress.update(
+                task,
+                total=recipe.epochs * steps,
+                completed=epoch * steps + step,
+                description=f"epoch {epoch + 1}/{recipe.epochs}, loss {loss:.5f}",
+                speed=f"{images / (time.monotonic() - started):.1f} images/s",
+            )
+
+        yield show
+
+
+def _write_records(
+    output: Path, result: TrainingResult, recipe: Recipe, data: GraspDataset, facts: dict[str, Any]
+) -> None:
+    """Write losses as CSV and PNG, and the provenance as JSON, beside the model."""
+    import json
+    import shlex
+    import sys
+
+    from ggcnn_net2net.atomic import write_text
+    from ggcnn_net2net.reference_data import sha256_of
+    from ggcnn_net2net.reproduce.results import versions
+    from ggcnn_net2net.training.report import write_curves, write_history
+
+    write_history(result.history, output.with_suffix(".csv"))
+    write_curves(result.history, output.with_suffix(".png"), f"{facts['network']} on {data.path.name}")
+    provenance = {
+        "command": shlex.join(["ggcnn-net2net", *sys.argv[1:]]),
+        **facts,
+        "recipe": recipe.as_dict(),
+        "data": {"file": data.path.name, "images": len(data), "sha256": data.fingerprint, "made_by": data.attributes},
+        "parameters": result.model.count_params(),
+        "model_sha256": sha256_of(output),
+        "last_epoch": result.history[-1],
+        "versions": versions(),
+    }
+    write_text(output.with_suffix(".json"), json.dumps(provenance, indent=2) + "\n")
+
+
+def _table(result: TrainingResult) -> Table:
+    from rich.table import Table
+
+    columns = [name for name in result.history[0] if name in ("loss", "val_loss", "learning_rate", "seconds")]
+    table = Table("epoch", *columns)
+    for entry in result.history[-_SHOWN:]:
+        table.add_row(str(entry["epoch"] + 1), *(f"{entry[name]:.4g}" for name in columns))
+    return table

@@ -1,0 +1,43 @@
+"""Losses of a training run as a table and as a picture."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+from ggcnn_net2net import atomic
+from ggcnn_net2net.architecture import HEADS
+from ggcnn_net2net.training.checkpoint import History
+
+
+def write_history(history: History, path: Path) -> None:
+    """Write one line an epoch as CSV."""
+    with atomic.replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, fieldnames=list(history[0]))
+        writer.writeheader()
+        writer.writerows(history)
+
+
+def write_curves(history: History, path: Path, title: str) -> None:
+    """Write a picture of the loss, and of its four parts, over the epochs."""
+    from matplotlib.figure import Figure  # slow to import
+
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    whole, parts = figure.subplots(1, 2)
+    _plot(whole, history, {"loss": "loss"})
+    _plot(parts, history, {head: f"{head}_loss" for head in HEADS})
+    figure.suptitle(title)
+    with atomic.replacing(path) as temporary:
+        figure.savefig(temporary, dpi=120)
+
+
+def _plot(axes: Any, history: History, names: dict[str, str]) -> None:
+    epochs = [entry["epoch"] + 1 for entry in history]
+    for number, (label, name) in enumerate(names.items()):
+        axes.plot(epochs, [entry[name] for entry in history], color=f"C{number}", label=label)
+        if f"val_{name}" in history[0]:
+            axes.plot(epochs, [entry[f"val_{name}"] for entry in history], color=f"C{number}", linestyle="--")
+    axes.set_xlabel("epoch (dashed: validation)")
+    axes.set_yscale("log")
+    axes.legend()

@@ -1,0 +1,135 @@
+"""The command `train`, on a data file of twelve small images."""
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import ggcnn_net2net as gn
+from ggcnn_net2net.cli.train import train_command
+from ggcnn_net2net.datasets.augmentation import Sample
+from ggcnn_net2net.datasets.hdf5 import DatasetWriter
+from ggcnn_net2net.datasets.label_maps import LabelMaps
+from ggcnn_net2net.errors import ArchitectureError, DatasetError, ModelFileError, TrainingError
+
+SIZE = 36
+ARCHITECTURE = "C5x5x4_C3x3x2_T3x3x2_T5x5x4"
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    path = tmp_path_factory.mktemp("data") / "grasps.h5"
+    random = np.random.default_rng(0)
+    with DatasetWriter(path, {"source": "test"}) as writer:
+        for number in range(12):
+            quality = (random.random((SIZE, SIZE)) > 0.9).astype(np.float32)
+            depth = random.normal(0, 0.1, (SIZE, SIZE)).astype(np.float32)
+            sample = Sample(
+                f"scene{number}",
+                depth,
+                np.zeros((SIZE, SIZE, 3), np.uint8),
+                np.ones((1, 4, 2)) * [[[1, 1], [1, 9], [5, 9], [5, 1]]],
+                LabelMaps(quality, 0.3 * quality, 60 * quality),
+            )
+            writer.add("train" if number < 8 else "test", sample)
+    return path
+
+
+@pytest.fixture
+def call(dataset, monkeypatch):
+    # TensorFlow runs already in this process, with the number of threads it has.
+    monkeypatch.setattr("ggcnn_net2net.training.set_threads", lambda threads: None)
+
+    def call(network, output, *options):
+        arguments = [network, dataset, "-o", output, *options]
+        result = CliRunner().invoke(train_command, [str(part) for part in arguments], standalone_mode=False)
+        if result.exception:
+            raise result.exception
+        return result.output
+
+    return call
+
+
+def test_it_writes_the_model_and_what_made_it(call, tmp_path):
+    output = tmp_path / "shallow.hdf5"
+    shown = call("shallow", output, "--epochs", 2)
+    assert "val_loss" in shown
+    assert str(gn.architecture_of(gn.load_ggcnn(output))) == ARCHITECTURE
+    with output.with_suffix(".csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["epoch"] for row in rows] == ["0", "1"]
+    assert float(rows[1]["val_width_out_loss"]) > 0
+    assert cv2.imread(str(output.with_suffix(".png"))).std() > 10  # not blank
+    facts = json.loads(output.with_suffix(".json").read_text())
+    assert facts["data"]["images"] == 8
+    assert facts["data"]["made_by"]["source"] == "test"
+    assert facts["recipe"]["protocol"]["name"] == "PAPER"
+    assert facts["recipe"]["seed"] == 0
+    assert facts["parameters"] == gn.SHALLOW.n_parameters
+    assert facts["versions"]["tensorflow"]
+
+
+def test_it_goes_on_from_a_checkpoint_and_from_a_file(call, tmp_path):
+    first = tmp_path / "first.hdf5"
+    call(ARCHITECTURE, first, "--epochs", 1)
+    call(ARCHITECTURE, first, "--epochs", 3)
+    at_once = tmp_path / "at_once.hdf5"
+    call(ARCHITECTURE, at_once, "--epochs", 3)
+    for one, other in zip(gn.load_ggcnn(first).get_weights(), gn.load_ggcnn(at_once).get_weights(), strict=True):
+        np.testing.assert_array_equal(one, other)
+    more = tmp_path / "more.keras"
+    call(first, more, "--epochs", 1, "--no-validation", "--protocol", "corrected", "--schedule", "cosine")
+    assert gn.load_ggcnn(more).count_params() == gn.load_ggcnn(first).count_params()
+    assert "val_loss" not in more.with_suffix(".csv").read_text()
+
+
+def test_another_run_does_not_go_on_from_the_checkpoint(call, tmp_path):
+    output = tmp_path / "shallow.hdf5"
+    call("shallow", output, "--epochs", 1)
+    with pytest.raises(TrainingError, match="another recipe"):
+        call("shallow", output, "--epochs", 1, "--optimizer", "adam")
+    call("shallow", output, "--epochs", 1, "--optimizer", "adam", "--fresh")
+
+
+def test_errors(call, tmp_path):
+    with pytest.raises(ModelFileError, match="suffixes"):
+        call("shallow", tmp_path / "model.txt")
+    with pytest.raises(ModelFileError, match=r"missing\.hdf5"):
+        call("missing.hdf5", tmp_path / "model.hdf5")
+    with pytest.raises(ArchitectureError, match="expected"):
+        call("nonsense", tmp_path / "model.hdf5")
+    with pytest.raises(TrainingError, match="'nonsense'"):
+        call("shallow", tmp_path / "model.hdf5", "--optimizer", "nonsense")
+    with pytest.raises(DatasetError):
+        CliRunner().invoke(
+            train_command,
+            ["shallow", "none.h5", "-o", str(tmp_path / "model.hdf5")],
+            standalone_mode=False,
+            catch_exceptions=False,
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_an_interrupt_leaves_a_state_to_go_on_from(dataset, tmp_path):
+    output = tmp_path / "shallow.hdf5"
+    options = ["train", "shallow", dataset, "-o", output, "--epochs", "100000", "--threads", "1"]
+    command = [sys.executable, "-m", "ggcnn_net2net", *map(str, options)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    checkpoint = tmp_path / "shallow.hdf5.training" / "checkpoint.npz"
+    while process.poll() is None and not checkpoint.exists():
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "the same command goes on from there" in errors
+    assert "Traceback" not in errors
+    assert not output.exists()
+    assert checkpoint.exists()

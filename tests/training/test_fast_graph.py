@@ -1,0 +1,125 @@
+import keras
+import numpy as np
+import pytest
+import tensorflow as tf
+from training_images import SyntheticGrasps
+
+import ggcnn_net2net as gn
+from ggcnn_net2net.architecture import HEADS, NAMED
+from ggcnn_net2net.model_files.torch_ggcnn import build_torch_ggcnn
+from ggcnn_net2net.training import Recipe, train
+from ggcnn_net2net.training.fast_graph import fast_graph
+from ggcnn_net2net.training.rmsprop import Keras2RMSprop
+
+SIZE = 60
+RANDOM = "C7x7x5s2_C4x4x3s1_T5x5x3s1_T6x6x7s2"
+NETWORKS = [*NAMED, RANDOM]
+
+
+@pytest.fixture(scope="module")
+def images():
+    return SyntheticGrasps(8, SIZE)
+
+
+def network(name):
+    if name == "pytorch":
+        return build_torch_ggcnn(SIZE)
+    return gn.build_ggcnn(name, input_size=SIZE, seed=3)
+
+
+def in_float64(model):
+    """The same network in double precision, where rounding cannot hide a mistake."""
+
+    def clone(layer):
+        return type(layer).from_config({**layer.get_config(), "dtype": "float64"})
+
+    double = keras.models.clone_model(model, clone_function=clone)
+    double.set_weights(model.get_weights())
+    return double
+
+
+def gradients(function, model, images):
+    inputs, targets = images.inputs[:2].astype(np.float64), images.targets[:2].astype(np.float64)
+
+    @tf.function
+    def compute():
+        with tf.GradientTape() as tape:
+            maps = function(tf.constant(inputs), True)
+            loss = tf.reduce_sum(tf.reduce_mean(tf.square(maps - targets), axis=(0, 1, 2)))
+        return maps, tape.gradient(loss, model.trainable_variables)
+
+    maps, found = compute()
+    return [maps.numpy(), *(gradient.numpy() for gradient in found)]
+
+
+@pytest.mark.parametrize("name", [*NETWORKS, "pytorch"])
+def test_maps_and_gradients_are_those_of_the_model(name, images):
+    model = in_float64(network(name))
+
+    def four_heads(inputs, training):
+        return tf.concat(model(inputs, training=training), axis=-1)
+
+    expected = gradients(four_heads, model, images)
+    received = gradients(fast_graph(model), model, images)
+    assert len(received) == len(model.weights) + 1
+    for one, other in zip(received, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * abs(other).max())
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_a_step_is_that_of_keras_fit(name, images):
+    model = network(name)
+    stock = keras.models.clone_model(model)
+    stock.set_weights(model.get_weights())
+    stock.compile(Keras2RMSprop(1e-3), "mse")
+    targets = {head: images.targets[:4, ..., number : number + 1] for number, head in enumerate(HEADS)}
+    losses = stock.fit(images.inputs[:4], targets, batch_size=4, epochs=1, verbose=0, shuffle=False)
+
+    class FirstFour(SyntheticGrasps):
+        def __len__(self):
+            return 4
+
+    result = train(model, FirstFour(8, SIZE), Recipe(epochs=1))
+    for ours, theirs, before in zip(result.model.get_weights(), stock.get_weights(), model.get_weights(), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5)
+        assert abs(theirs - before).max() > 1e-4
+    assert result.history[0]["loss"] == pytest.approx(losses.history["loss"][0], rel=1e-5)
+
+
+def count(model, kind):
+    function = tf.function(lambda inputs: fast_graph(model)(inputs, False))
+    graph = function.get_concrete_function(tf.TensorSpec((1, SIZE, SIZE, 1))).graph
+    return sum(operation.type == kind for operation in graph.get_operations())
+
+
+def test_four_heads_are_one_convolution():
+    assert count(network("original"), "Conv2D") == 3 + 1
+
+
+@pytest.mark.parametrize("change", [{"kernel_size": 3}, {"activation": "tanh"}, {"use_bias": False}])
+def test_heads_of_different_forms_run_as_they_are(change, images):
+    inputs = keras.Input((SIZE, SIZE, 1))
+    features = keras.layers.Conv2D(3, 3, padding="same", activation="relu")(inputs)
+    options = [{"kernel_size": 2}, {"kernel_size": 2, **change}, {"kernel_size": 2}, {"kernel_size": 2}]
+    model = keras.Model(
+        inputs,
+        [
+            keras.layers.Conv2D(1, padding="same", name=head, **option)(features)
+            for head, option in zip(HEADS, options, strict=True)
+        ],
+    )
+    assert count(model, "Conv2D") == 1 + 4
+    expected = np.concatenate([output.numpy() for output in model(images.inputs)], axis=-1)
+    np.testing.assert_array_equal(fast_graph(model)(tf.constant(images.inputs), False).numpy(), expected)
+
+
+def test_heads_of_different_tensors_run_as_they_are():
+    inputs = keras.Input((SIZE, SIZE, 1))
+    model = keras.Model(
+        inputs,
+        [
+            keras.layers.Conv2D(1, 2, padding="same", name=head)(keras.layers.Conv2D(2, 3, padding="same")(inputs))
+            for head in HEADS
+        ],
+    )
+    assert count(model, "Conv2D") == 8
