@@ -13,7 +13,7 @@ from ggcnn_net2net.errors import GGCNNError
 # name -> (module, attribute, help); a module is imported only when its command runs, so --help is quick.
 COMMANDS = {
     "reproduce": ("reproduce", "reproduce", "Make the paper's tables and figures again."),
-    "evaluate": ("evaluate", "evaluate", "Try single grasps of a network and look at failures."),
+    "evaluate": ("evaluate", "evaluate", "Try single grasps, look at failures, score a network on a dataset."),
     "objects": ("objects", "objects", "Show an object set: a table and a contact sheet."),
     "dataset": ("dataset", "dataset", "Read, convert, join and look at grasp data."),
     "inspect": ("inspect", "inspect_command", "Tell what a model file holds."),

@@ -14,7 +14,9 @@ from ggcnn_net2net.cli.options import PROTOCOL
 @click.option("--sheet", type=click.Path(path_type=Path, dir_okay=False), help="Write a contact sheet (PNG).")
 @PROTOCOL
 def objects(objects_spec: str, sheet: Path | None, protocol_name: str) -> None:
-    """List the objects of SET: procedural40, pybullet, ycb40, shapenetsem:FOLDER, or a folder of meshes.
+    """List the objects of SET.
+
+    SET is procedural40, pybullet, ycb40, shapenetsem:FOLDER, training:NUMBER, or a folder of meshes.
 
     \b
     Example: ggcnn-net2net objects procedural40 --sheet objects.png

@@ -58,7 +58,13 @@ def read_keras(path: Path) -> StoredModel:
 
 
 def write_keras(model: keras.Model, path: Path, history: list[dict[str, Any]]) -> None:
-    """Write a model, with its optimizer if it is compiled, in Keras' own format."""
+    """Write a model in Keras' own format, with its optimizer if it is compiled with one that Keras knows."""
+    import keras
+
+    optimizer = getattr(model, "optimizer", None)
+    if optimizer is not None and not type(optimizer).__module__.startswith("keras."):
+        # Left out, or only processes that have imported the optimizer's class could open the file.
+        model = keras.Model(model.inputs, model.outputs, name=model.name)
     model.save(path)
     if history:  # Keras does not look at other members of the archive
         with zipfile.ZipFile(path, "a") as archive:

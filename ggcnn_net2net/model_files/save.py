@@ -27,7 +27,7 @@ def save_ggcnn(model: keras.Model, path: str | Path) -> Path:
         model: the network.
         path: where to; the suffix chooses the format. `.hdf5` and `.h5` are the schema of Keras 2.0, which every
             Keras since then opens (tf_keras, and Keras 3 with `compile=False`), without optimizer. `.keras` is
-            Keras 3's own format, with the optimizer if the model is compiled.
+            Keras 3's own format, with the optimizer if the model is compiled with one of Keras' own.
 
     Returns:
         The path.

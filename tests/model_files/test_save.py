@@ -19,6 +19,7 @@ from ggcnn_net2net.architecture import HEADS, Architecture, ConvLayer, architect
 from ggcnn_net2net.errors import ModelFileError
 from ggcnn_net2net.model_files import load_ggcnn, save_ggcnn
 from ggcnn_net2net.net2net.history import history_of, set_history
+from ggcnn_net2net.training.rmsprop import Keras2RMSprop
 
 HISTORY = [{"operation": "deeper(3)", "seed": 0}, {"operation": "wider(3)", "seed": 1, "noise": 0.01}]
 SUFFIXES = pytest.mark.parametrize("suffix", [".hdf5", ".h5", ".keras"])
@@ -165,6 +166,19 @@ def test_an_optimizer_is_kept_in_keras_archives_only(small, tmp_path):
     with h5py.File(save_ggcnn(small, tmp_path / "model.hdf5")) as file:
         assert "optimizer_weights" not in file
         assert "training_config" not in file.attrs
+
+
+def test_keras_alone_opens_what_our_optimizer_trained(small, tmp_path):
+    """A `.keras` file with an optimizer class of ours could only be opened where that class has been imported."""
+    small.compile(Keras2RMSprop(), "mse")
+    small.train_on_batch(np.zeros((1, 20, 20, 1)), [np.ones((1, 20, 20, 1))] * 4)
+    path = save_ggcnn(small, tmp_path / "model.keras")
+    with zipfile.ZipFile(path) as archive:
+        assert "Keras2RMSprop" not in archive.read("config.json").decode()
+    opened = keras.models.load_model(path)
+    for ours, theirs in zip(small.get_weights(), opened.get_weights(), strict=True):
+        assert_array_equal(ours, theirs)
+    assert small.optimizer is not None
 
 
 @st.composite
