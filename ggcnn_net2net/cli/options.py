@@ -12,7 +12,7 @@ OBJECTS = click.option(
     default="procedural40",
     show_default=True,
     metavar="SET",
-    help="procedural40, pybullet, ycb40, shapenetsem:FOLDER, training:NUMBER, or a folder of meshes with an objects.csv.",
+    help="procedural40, pybullet, ycb40, shapenetsem:FOLDER, training:NUMBER, or a folder with meshes and objects.csv.",
 )
 SEED = click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed of the scenes.")
 PROTOCOL = click.option(

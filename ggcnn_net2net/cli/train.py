@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import keras
     from rich.table import Table
 
+    from ggcnn_net2net.datasets.build import FreshAugmentations
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
     from ggcnn_net2net.training import Recipe, TrainingResult
     from ggcnn_net2net.training.train import OnProgress
@@ -42,7 +43,13 @@ POSITIVE = click.IntRange(min=1)
     "--validation/--no-validation", default=True, show_default=True, help="Report the loss on the test split."
 )
 @click.option("--checkpoint-dir", type=click.Path(path_type=Path, file_okay=False), help="[default: OUTPUT.training]")
-@click.option("--fresh", is_flag=True, help="Start from epoch 1 even if there is a checkpoint.")
+@click.option("--restart", is_flag=True, help="Start from epoch 1 even if there is a checkpoint.")
+@click.option(
+    "--fresh-from",
+    "scenes",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    help="Raw folder that DATASET was built of: draw new augmentations of its scenes in every epoch. Reads more.",
+)
 def train_command(
     network: str,
     dataset: Path,
@@ -58,7 +65,8 @@ def train_command(
     threads: int,
     validation: bool,
     checkpoint_dir: Path | None,
-    fresh: bool,
+    restart: bool,
+    scenes: Path | None,
 ) -> None:
     """Train NETWORK on the "train" split of DATASET, an HDF5 file of `dataset build`.
 
@@ -79,7 +87,8 @@ def train_command(
     from ggcnn_net2net.training import Recipe, set_threads, train
 
     check_writable(output)
-    data = GraspDataset(dataset, "train")
+    stored = GraspDataset(dataset, "train")
+    data = stored if scenes is None else _fresh_augmentations(stored, scenes)
     recipe = Recipe(
         epochs=epochs,
         batch_size=batch_size,
@@ -92,7 +101,7 @@ def train_command(
     )
     import_tensorflow()
     set_threads(threads)
-    model = _network(network, data.shape[0], seed)
+    model = _network(network, stored.shape[0], seed)
     checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
     console = Console()
     try:
@@ -104,15 +113,34 @@ def train_command(
                 validation=GraspDataset(dataset, "test") if validation else None,
                 checkpoint_dir=checkpoint_dir,
                 on_progress=on_progress,
-                resume=not fresh,
+                resume=not restart,
             )
     except KeyboardInterrupt:
         click.echo(f"Finished epochs are kept in {checkpoint_dir}: the same command goes on from there.", err=True)
         raise
     save_ggcnn(result.model, output)
-    _write_records(output, result, recipe, data, {"network": network, "threads": threads})
+    facts = {"network": network, "threads": threads, "fresh_augmentations": scenes is not None}
+    _write_records(output, result, recipe, stored, facts)
     console.print(_table(result))
     click.echo(f"written to {output}, with .csv, .png and .json beside it")
+
+
+def _fresh_augmentations(stored: GraspDataset, folder: Path) -> FreshAugmentations:
+    """New samples of the scenes in a dataset, with its augmentation and seed; epoch 0 is what the dataset holds."""
+    from ggcnn_net2net.datasets.augmentation import Augmentation
+    from ggcnn_net2net.datasets.build import FreshAugmentations
+    from ggcnn_net2net.datasets.raw import open_scenes
+    from ggcnn_net2net.errors import DatasetError
+
+    names = set(stored.image_ids)
+    found = open_scenes(folder).only(names)
+    settings = stored.attributes.get("augmentation")
+    if len(found) != len(names) or not settings:
+        raise DatasetError(
+            f"expected {stored.path} to be made by `dataset build` of {folder}, received one of {len(names)} scenes, "
+            f"{len(found)} of which are in the folder"
+        )
+    return FreshAugmentations(found, Augmentation.from_dict(settings), stored.attributes["seed"])
 
 
 def _network(network: str, size: int, seed: int) -> keras.Model:

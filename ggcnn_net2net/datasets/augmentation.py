@@ -38,6 +38,11 @@ class Augmentation:
         """Field names and values, for provenance."""
         return {**asdict(self), "zoom": list(self.zoom)}
 
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Augmentation:
+        """The inverse of `as_dict`."""
+        return cls(**{**values, "zoom": tuple(values["zoom"])})
+
 
 PLAIN = Augmentation(zoom=(1.0, 1.0), rotate=False, per_scene=1)
 """Only the crop around the grasps: for scoring on what the camera saw."""

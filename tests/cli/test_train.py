@@ -14,9 +14,12 @@ from click.testing import CliRunner
 
 import ggcnn_net2net as gn
 from ggcnn_net2net.cli.train import train_command
-from ggcnn_net2net.datasets.augmentation import Sample
+from ggcnn_net2net.datasets.augmentation import Augmentation, Sample
+from ggcnn_net2net.datasets.build import build_dataset
 from ggcnn_net2net.datasets.hdf5 import DatasetWriter
 from ggcnn_net2net.datasets.label_maps import LabelMaps
+from ggcnn_net2net.datasets.raw import open_scenes
+from ggcnn_net2net.datasets.splits import Split
 from ggcnn_net2net.errors import ArchitectureError, DatasetError, ModelFileError, TrainingError
 
 SIZE = 36
@@ -95,7 +98,7 @@ def test_another_run_does_not_go_on_from_the_checkpoint(call, tmp_path):
     call("shallow", output, "--epochs", 1)
     with pytest.raises(TrainingError, match="another recipe"):
         call("shallow", output, "--epochs", 1, "--optimizer", "adam")
-    call("shallow", output, "--epochs", 1, "--optimizer", "adam", "--fresh")
+    call("shallow", output, "--epochs", 1, "--optimizer", "adam", "--restart")
 
 
 def test_errors(call, tmp_path):
@@ -133,3 +136,38 @@ def test_an_interrupt_leaves_a_state_to_go_on_from(dataset, tmp_path):
     assert "Traceback" not in errors
     assert not output.exists()
     assert checkpoint.exists()
+
+
+@pytest.fixture
+def raw(tmp_path):
+    """A folder of three scenes in Cornell's form."""
+    folder = tmp_path / "raw"
+    folder.mkdir()
+    random = np.random.default_rng(1)
+    for number in range(3):
+        name = folder / f"pcd{number:04d}"
+        cv2.imwrite(f"{name}r.png", np.zeros((300, 300, 3), np.uint8))
+        cv2.imwrite(f"{name}d.tiff", random.uniform(0.9, 1.1, (300, 300)).astype(np.float32))
+        name.with_name(f"{name.name}cpos.txt").write_text("120 130\n180 130\n180 150\n120 150\n")
+    return folder
+
+
+def test_fresh_augmentations_begin_as_the_stored_ones_and_then_differ(call, raw, tmp_path):
+    stored = tmp_path / "stored.h5"
+    split = Split(train=("pcd0000", "pcd0001"), test=("pcd0002",))
+    build_dataset(open_scenes(raw), split, stored, Augmentation(per_scene=2), seed=5)
+
+    def trained(name, *options):
+        arguments = ["shallow", stored, "-o", tmp_path / f"{name}.hdf5", "--no-validation", *options]
+        result = CliRunner().invoke(train_command, [str(part) for part in arguments], standalone_mode=False)
+        assert result.exception is None, result.exception
+        return np.concatenate([part.ravel() for part in gn.load_ggcnn(tmp_path / f"{name}.hdf5").get_weights()])
+
+    np.testing.assert_allclose(trained("a", "--epochs", 1), trained("b", "--epochs", 1, "--fresh-from", raw), atol=1e-6)
+    assert np.abs(trained("c", "--epochs", 2) - trained("d", "--epochs", 2, "--fresh-from", raw)).max() > 1e-5
+    assert json.loads((tmp_path / "d.json").read_text())["fresh_augmentations"] is True
+
+
+def test_fresh_augmentations_of_another_folder_are_refused(call, raw, tmp_path):
+    with pytest.raises(DatasetError, match="dataset build"):
+        call("shallow", tmp_path / "x.hdf5", "--fresh-from", raw)
