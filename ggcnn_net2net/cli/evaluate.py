@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Callable
 from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from ggcnn_net2net.grasping import IouRate
+
+
+Progress = Callable[[str, int, int], None]
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -186,14 +190,7 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
     with stages(console) as progress:
         rates = {
             protocol: joined(
-                iou_rate_of(
-                    network,
-                    images,
-                    protocol,
-                    workers,
-                    on_progress=lambda name, done, total, side=images.split: progress(f"{name}, {side}", done, total),
-                )
-                for images in parts
+                iou_rate_of(network, images, protocol, workers, _of_split(progress, images.split)) for images in parts
             )
             for protocol in (PAPER, CORRECTED)
         }
@@ -217,6 +214,11 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
         image_ids = [name for images in parts for name in images.image_ids]
         write_text(csv_path, _iou_csv(image_ids, {protocol.name: rate for protocol, rate in rates.items()}))
         click.echo(f"Written to {csv_path}")
+
+
+def _of_split(progress: Progress, split: str) -> Progress:
+    """A bar of its own for each split."""
+    return lambda stage, done, total: progress(f"{stage}, {split}", done, total)
 
 
 def _iou_table(rates: dict[str, IouRate]) -> Table:
