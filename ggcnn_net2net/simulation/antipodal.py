@@ -41,15 +41,15 @@ class AntipodalRule:
     """Free space between object and open finger, where there is room for it."""
     least_margin: float = 0.012
     """The same, at least."""
-    alignment: float = 0.9
+    alignment: float = 0.92
     """Least cosine between the closing direction and the surface normal, averaged over where a finger touches. Beyond
     it (26°) the object slips: friction of the finger 1 x friction of the object 0.5."""
-    contact: float = 0.2
+    contact: float = 0.25
     """Least share of the rays from a finger that end where it touches. They also have to lie beside each other, not
     only above: edges and corners slip, and their normals say nothing."""
-    centring: float = 0.015
+    centring: float = 0.012
     """Most distance of the point from the middle between the contacts."""
-    opposition: float = 0.01
+    opposition: float = 0.008
     """Most distance between the contacts along the jaws."""
     contact_depth: float = 0.003
     """How much farther in than the first contact a surface may lie to count as touched."""
