@@ -42,8 +42,8 @@ class AntipodalRule:
     least_margin: float = 0.012
     """The same, at least."""
     alignment: float = 0.92
-    """Least cosine between the closing direction and the surface normal, averaged over where a finger touches. Beyond
-    it (26°) the object slips: friction of the finger 1 x friction of the object 0.5."""
+    """Least cosine between the closing direction and the surface normal, averaged over where a finger touches. Friction
+    (finger 1 x object 0.5) would hold up to 27°; at 23° there is something left for what rays cannot see."""
     contact: float = 0.25
     """Least share of the rays from a finger that end where it touches. They also have to lie beside each other, not
     only above: edges and corners slip, and their normals say nothing."""
