@@ -9,7 +9,6 @@ import argparse
 import os
 import time
 from collections import Counter
-from functools import cache
 
 import numpy as np
 
@@ -19,13 +18,7 @@ from ggcnn_net2net.parallel import run_parallel
 from ggcnn_net2net.protocol import protocol_named
 from ggcnn_net2net.reproduce.statistics import Rate
 from ggcnn_net2net.simulation.trial import run_trial
-from ggcnn_net2net.simulation.world import World
-
-
-@cache
-def process_world() -> World:
-    """The one world of this worker process."""
-    return World()
+from ggcnn_net2net.simulation.world import process_world
 
 
 def try_label(index: int, settings: Simulation, protocols: list[str]) -> tuple[str, int, float, list[str]]:

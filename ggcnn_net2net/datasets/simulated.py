@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +23,11 @@ from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle, wrap_angle
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import PAPER, Protocol
-from ggcnn_net2net.simulation.antipodal import AntipodalGrasps, agreeing, find_antipodal_grasps, rows_of
+from ggcnn_net2net.simulation.antipodal import AntipodalGrasps, AntipodalRule, agreeing, find_antipodal_grasps, rows_of
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.scenes import Scene, drop_object
 from ggcnn_net2net.simulation.training_objects import training_object
-from ggcnn_net2net.simulation.world import World
+from ggcnn_net2net.simulation.world import World, process_world
 
 FORMAT = "ggcnn_net2net simulated scenes 1"
 FOLDER_SIZE = 100
@@ -78,7 +77,8 @@ class Simulation:
 
     def as_dict(self) -> dict[str, Any]:
         """Settings as JSON holds them."""
-        return {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": self.protocol.name}
+        own = {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": self.protocol.name}
+        return {**own, "label_rule": asdict(AntipodalRule())}  # labels of two rules must not mix in a folder
 
 
 @dataclass(frozen=True)
@@ -261,20 +261,14 @@ def _file(folder: Path, index: int, suffix: str) -> Path:
     return folder / f"{index // FOLDER_SIZE + 1:02d}" / f"{_name(index)}{suffix}"
 
 
-@cache
-def _process_world() -> World:
-    """The one world of this worker process."""
-    return World()
-
-
 def _write_scene(folder: Path, index: int, settings: Simulation) -> None:
     """Make and write one scene, its JSON last: a scene that has it is whole. Runs in a worker process."""
-    made = simulate_scene(_process_world(), index, settings)
+    made = simulate_scene(process_world(), index, settings)
     scene = made.scene
     with replacing(_file(folder, index, "r.png")) as path:
-        cv2.imwrite(str(path), scene.rgb[..., ::-1])
+        _write_image(path, scene.rgb[..., ::-1])
     with replacing(_file(folder, index, "d.tiff")) as path:
-        cv2.imwrite(str(path), scene.depth, [cv2.IMWRITE_TIFF_COMPRESSION, 8])  # 8: deflate
+        _write_image(path, scene.depth, [cv2.IMWRITE_TIFF_COMPRESSION, 8])  # 8: deflate
     corners = made.rectangles.reshape(-1, 2)
     write_text(_file(folder, index, "cpos.txt"), "".join(f"{col:.2f} {row:.2f}\n" for row, col in corners.tolist()))
     record = {
@@ -287,3 +281,8 @@ def _write_scene(folder: Path, index: int, settings: Simulation) -> None:
         "labels": len(made.rectangles),
     }
     write_text(_file(folder, index, "scene.json"), json.dumps(record) + "\n")
+
+
+def _write_image(path: Path, image: npt.NDArray[Any], options: list[int] | None = None) -> None:
+    if not cv2.imwrite(str(path), image, options or []):  # OpenCV does not raise
+        raise DatasetError(f"cannot write {path}: is the disk full?")

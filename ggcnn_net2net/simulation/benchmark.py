@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
 from pathlib import Path
 
 from ggcnn_net2net.grasping import Grasp
@@ -13,23 +12,17 @@ from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.simulation.object_sets import ObjectModel, ObjectSet
 from ggcnn_net2net.simulation.scenes import Scene, SceneSettings, load_scenes, make_scene, save_scenes
 from ggcnn_net2net.simulation.trial import Outcome, TrialResult, run_trial
-from ggcnn_net2net.simulation.world import Bin, World
+from ggcnn_net2net.simulation.world import Bin, process_world
 
 _SAVE_EVERY = 30.0  # seconds between saves of unfinished scenes
 
 
-@cache
-def _process_world() -> World:
-    """The one world of this worker process; connecting costs more than resetting."""
-    return World()
-
-
 def _make_scene(model: ObjectModel, pose: int, seed: int) -> Scene:
-    return make_scene(_process_world(), model, pose, seed)
+    return make_scene(process_world(), model, pose, seed)
 
 
 def _run_trial(scene: Scene, grasp: Grasp | None, protocol: Protocol) -> TrialResult:
-    return run_trial(_process_world(), scene, grasp, protocol)
+    return run_trial(process_world(), scene, grasp, protocol)
 
 
 def prepare_scenes(

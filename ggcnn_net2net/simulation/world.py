@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -195,3 +196,9 @@ class World:
             if still >= self.steps_in(duration):
                 return True
         return False
+
+
+@cache
+def process_world() -> World:
+    """The one world of a worker process; connecting costs more than resetting."""
+    return World()
