@@ -15,8 +15,15 @@ import numpy.typing as npt
 from ggcnn_net2net.architecture import HEADS
 from ggcnn_net2net.errors import TrainingError
 from ggcnn_net2net.net2net.history import history_of, set_history
-from ggcnn_net2net.training.checkpoint import History, fingerprint_of, load_checkpoint, save_checkpoint
+from ggcnn_net2net.training.checkpoint import (
+    History,
+    OptimizerState,
+    fingerprint_of,
+    load_checkpoint,
+    save_checkpoint,
+)
 from ggcnn_net2net.training.data import TrainingData, batches_of_epoch, read_ahead
+from ggcnn_net2net.training.distillation import Distilled
 from ggcnn_net2net.training.losses import losses_of
 from ggcnn_net2net.training.recipe import Recipe
 from ggcnn_net2net.training.step import Evaluation, Step, step_and_loss
@@ -50,6 +57,7 @@ def train(
     callbacks: Sequence[keras.callbacks.Callback] = (),
     on_progress: OnProgress | None = None,
     resume: bool = True,
+    carry_optimizer: bool = False,
 ) -> TrainingResult:
     """Train a copy of a GG-CNN.
 
@@ -65,20 +73,32 @@ def train(
             part of a checkpoint.
         on_progress: called after every step.
         resume: go on from the checkpoint, if there is one; False starts afresh and overwrites it.
+        carry_optimizer: start with the state of the optimizer that `model` is compiled with, as surgery with
+            `carry_optimizer=True` leaves it, instead of a fresh one, with which the paper's children start. It must be
+            an optimizer like the recipe's. Learning rate and schedule stay the recipe's; a schedule counts the steps
+            of this run alone.
 
     Returns:
         The trained network, with the operation history of `model`, and the losses.
 
     Raises:
-        TrainingError: data that does not fit, a checkpoint of another run, or a loss that is not finite.
+        TrainingError: data that does not fit, a checkpoint of another run, a loss that is not finite, or no state of
+            such an optimizer to carry over.
     """
     import keras
 
+    if recipe.protocol.masked_loss and any(isinstance(images, Distilled) for images in (data, validation)):
+        raise TrainingError(
+            "expected a protocol with masked_loss=False for distillation, received masked_loss=True, which masks by "
+            "the quality of labels and not of a teacher: use dataclasses.replace(protocol, masked_loss=False)"
+        )
     trained = _copy(model)
     n_steps = len(_batches(recipe, data, 0))
     trained.compile(optimizer=recipe.new_optimizer(n_steps), jit_compile=False)
     trained.optimizer.build(trained.trainable_variables)
     run = {"recipe": recipe.fingerprint, "data": data.fingerprint, "network": fingerprint_of(model)}
+    if carry_optimizer:
+        run["optimizer state"] = _carry_optimizer(model, trained)
     history: History = []
     if checkpoint_dir is not None and resume:
         history = load_checkpoint(Path(checkpoint_dir), trained, run)
@@ -118,6 +138,20 @@ def _copy(model: keras.Model) -> keras.Model:
             variable.assign(value)
     set_history(copied, history_of(model))
     return copied
+
+
+def _carry_optimizer(model: keras.Model, trained: keras.Model) -> str:
+    """Start the optimizer of `trained` with the state of that of `model`.
+
+    Returns:
+        Hash of the state.
+    """
+    state = OptimizerState.of(model)
+    state.assign_to(trained.optimizer)
+    step_count, *others = trained.optimizer.variables
+    if all(variable.name != "learning_rate" for variable in others):  # then it has a schedule
+        step_count.assign(0)
+    return state.fingerprint
 
 
 def _batches(recipe: Recipe, data: TrainingData, epoch: int) -> list[list[int]]:
@@ -165,6 +199,21 @@ def _run_epoch(
             if on_progress is not None:
                 on_progress(epoch, number + 1, len(batches), float(mean.sum()))
     return _named(total / len(batches))
+
+
+def mean_loss(model: keras.Model, data: TrainingData, recipe: Recipe) -> float:
+    """The loss of a network, summed over the heads and averaged over all images (of epoch 0).
+
+    Args:
+        model: a GG-CNN; need not be compiled.
+        data: images and targets.
+        recipe: its protocol chooses the loss, its batch size how many images are computed at once.
+
+    Raises:
+        TrainingError: data that does not fit.
+    """
+    _, evaluate = step_and_loss(model, losses_of(recipe.protocol))
+    return _validate(model, data, recipe, evaluate)["loss"]
 
 
 def _validate(model: keras.Model, data: TrainingData, recipe: Recipe, evaluate: Evaluation) -> dict[str, float]:

@@ -42,7 +42,11 @@ def test_optimizers_by_name():
 
 def test_fingerprint_is_of_what_determines_the_steps():
     recipe = Recipe()
-    same = [Recipe(), replace(recipe, epochs=99), replace(recipe, protocol=replace(PAPER, sim_angle_window=0))]
+    same = [
+        Recipe(),
+        replace(recipe, epochs=99),
+        replace(recipe, protocol=replace(PAPER, sim_angle_window=0, last_lookahead_takes_last=False)),
+    ]
     others = [
         replace(recipe, batch_size=8),
         replace(recipe, optimizer="adam"),
