@@ -64,6 +64,10 @@ class Protocol:
     """Whether training shuffles the images themselves. The search of the published code shuffles batches of consecutive
     rows, which hold augmentations of one scene."""
 
+    last_lookahead_takes_last: bool
+    """Whether the last lookahead, of one level, chooses the last entry of the beam instead of the best: of children
+    that score 5, 9 and 7 the published code takes the 5."""
+
     def as_dict(self) -> dict[str, Any]:
         """Field names and values, for result files."""
         return asdict(self)
@@ -82,6 +86,7 @@ PAPER = Protocol(
     iou_recentres_depth=True,
     masked_loss=False,
     shuffled_rows=False,
+    last_lookahead_takes_last=True,
 )
 
 CORRECTED = Protocol(
@@ -97,6 +102,7 @@ CORRECTED = Protocol(
     iou_recentres_depth=False,
     masked_loss=True,
     shuffled_rows=True,
+    last_lookahead_takes_last=False,
 )
 
 
