@@ -55,5 +55,9 @@ class TrainingError(GGCNNError):
     """Training that cannot start, go on or be resumed: loss not finite, checkpoint of another run."""
 
 
+class SearchError(GGCNNError):
+    """A search that cannot start or go on: settings, or a folder of another search."""
+
+
 class ResultsError(GGCNNError):
     """A results folder that is damaged or belongs to another experiment."""
