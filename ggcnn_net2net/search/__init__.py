@@ -1,0 +1,7 @@
+"""Beam search over surgeries: the paper's, resumable, repeatable, parallel (section II-C of the paper)."""
+
+from ggcnn_net2net.search.beam import BeamSearch
+from ggcnn_net2net.search.run import load_history, resume_search, start_search
+from ggcnn_net2net.search.settings import BUDGETS, SearchSettings
+
+__all__ = ["BUDGETS", "BeamSearch", "SearchSettings", "load_history", "resume_search", "start_search"]

@@ -1,0 +1,93 @@
+"""What happened in a search, one JSON line an event, in the order in which it happened.
+
+The file is only ever appended to. A line counts when it is whole and on the disk; a torn last line, from a process that
+was killed while it wrote, is ignored and cut off by the next writer.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from ggcnn_net2net.errors import SearchError
+
+FORMAT = "ggcnn_net2net search 1"
+
+Event = dict[str, Any]
+"""JSON values; the key "event" names its kind."""
+
+
+def read_events(path: Path) -> list[Event]:
+    """All whole events of a journal; none where there is no file.
+
+    Raises:
+        SearchError: a line that is no event before the last one: the file was changed by something else.
+    """
+    if not path.is_file():
+        return []
+    events = []
+    for number, line in enumerate(_whole_lines(path.read_bytes()), start=1):
+        try:
+            event = json.loads(line)
+            if not isinstance(event, dict) or "event" not in event:
+                raise ValueError("no event")
+        except ValueError as error:
+            raise SearchError(
+                f"expected one event a line in {path}, received {line[:80]!r} in line {number}"
+            ) from error
+        events.append(event)
+    return events
+
+
+class Journal:
+    """The writing end of a journal. One at a time holds it, also across processes."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a journal for writing, and cut off a torn last line.
+
+        Raises:
+            SearchError: another process is writing to it.
+        """
+        from filelock import FileLock, Timeout
+
+        self.path = Path(path)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._lock = FileLock(self.path.with_suffix(".lock"))
+        try:
+            self._lock.acquire(timeout=0)
+        except Timeout as error:
+            raise SearchError(
+                f"expected {self.path.parent} to be free, another process searches there: wait for it, or choose "
+                "another folder"
+            ) from error
+        self._stream = self.path.open("ab")
+        whole = sum(map(len, _whole_lines(self.path.read_bytes())))
+        if whole < self._stream.tell():
+            self._stream.truncate(whole)
+
+    def append(self, event: Event) -> None:
+        """Write an event; it is on the disk when this returns."""
+        self._stream.write(json.dumps(event).encode() + b"\n")
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+
+    def close(self) -> None:
+        """Let others write."""
+        self._stream.close()
+        self._lock.release()
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _whole_lines(content: bytes) -> list[bytes]:
+    lines = content.splitlines(keepends=True)
+    return lines if not lines or lines[-1].endswith(b"\n") else lines[:-1]

@@ -1,0 +1,179 @@
+"""Start a search in a new folder, or go on with one."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ggcnn_net2net.atomic import replacing
+from ggcnn_net2net.errors import SearchError
+from ggcnn_net2net.parallel import Workers
+from ggcnn_net2net.search.beam import search
+from ggcnn_net2net.search.candidates import root_candidate
+from ggcnn_net2net.search.heuristics import prepare_simulation
+from ggcnn_net2net.search.history import SearchHistory, read_history
+from ggcnn_net2net.search.journal import FORMAT, Event, Journal, read_events
+from ggcnn_net2net.search.settings import FROM_PARENT, SIM, SearchSettings
+from ggcnn_net2net.search.trainer import TEACHER_FILE, model_file
+from ggcnn_net2net.search.tree import CandidateTree
+
+if TYPE_CHECKING:
+    import keras
+
+JOURNAL_FILE = "journal.jsonl"
+BEST_FILE = "best.hdf5"
+
+OnEvent = Callable[[Event], None]
+"""Told about every event, see `docs/search.md`."""
+
+
+def start_search(
+    model: keras.Model,
+    dataset: Path,
+    settings: SearchSettings,
+    directory: Path,
+    workers: Workers,
+    *,
+    name: str = "",
+    command: str = "",
+    on_event: OnEvent = lambda _: None,
+) -> SearchHistory:
+    """Search for a better network by surgery and training (section II-C of the paper).
+
+    The result depends on the network, the dataset, the settings and the versions of the packages, and not on the number
+    of workers or on interruptions.
+
+    Args:
+        model: the network to start from.
+        dataset: HDF5 file with a train and a test split, see `datasets.hdf5`.
+        settings: of the search.
+        directory: folder to write. Must not hold a search.
+        workers: where candidates are trained, `parallel.LocalWorkers` or `cluster.DaskWorkers`. On other machines both
+            paths have to mean the same files.
+        name: what the network is called in reports.
+        command: how the user started it, for the record.
+        on_event: told about what happens.
+
+    Returns:
+        What came of it. The best network of the path is in `directory/best.hdf5`.
+
+    Raises:
+        SearchError: the folder holds a search, the network cannot be scored, or too many candidates failed in a row.
+        DatasetError: a dataset that cannot be read.
+        SurgeryError: no operation can be applied to the network at all.
+    """
+    directory, dataset = Path(directory).absolute(), Path(dataset).absolute()
+    with Journal(directory / JOURNAL_FILE) as journal:
+        if read_events(journal.path):
+            raise SearchError(
+                f"expected a new folder, {directory} holds a search: go on with `ggcnn-net2net search resume "
+                f"{directory}`, or name another one"
+            )
+        begun = _prepare(model, dataset, settings, directory, name, command)
+        journal.append(begun)
+        return _search(directory, [begun], workers, journal, on_event)
+
+
+def resume_search(
+    directory: Path,
+    workers: Workers,
+    *,
+    retry_failed: bool = False,
+    on_event: OnEvent = lambda _: None,
+) -> SearchHistory:
+    """Go on with a search where it stopped; what comes of it is the same, bit by bit, as without the interruption.
+
+    Args:
+        directory: its folder. The dataset has to be where it was.
+        workers: see `start_search`; need not be as many as before.
+        retry_failed: train candidates again that failed before. Otherwise they stay failed.
+        on_event: told about what happened before, and then about what happens.
+
+    Raises:
+        SearchError: no search there, another process is at it, other data, or too many failures in a row.
+    """
+    directory = Path(directory).absolute()
+    load_history(directory)  # refuses what is no search
+    with Journal(directory / JOURNAL_FILE) as journal:
+        events = read_events(journal.path)
+        _check_data(events[0])
+        if retry_failed:
+            events = [event for event in events if event["event"] != "failed"]
+        return _search(directory, events, workers, journal, on_event)
+
+
+def load_history(directory: Path) -> SearchHistory:
+    """What is known of a search, which may still run.
+
+    Raises:
+        SearchError: no search there.
+    """
+    path = Path(directory) / JOURNAL_FILE
+    if not path.exists():
+        raise SearchError(f"expected the folder of a search, {directory} has no {JOURNAL_FILE}: name another one")
+    return read_history(read_events(path))
+
+
+def _prepare(
+    model: keras.Model, dataset: Path, settings: SearchSettings, directory: Path, name: str, command: str
+) -> Event:
+    """Check and copy what the search needs.
+
+    Returns:
+        The journal's first event.
+    """
+    from ggcnn_net2net.model_files import load_ggcnn, save_ggcnn
+    from ggcnn_net2net.net2net import operations
+    from ggcnn_net2net.reproduce.results import versions
+    from ggcnn_net2net.training.checkpoint import fingerprint_of
+
+    operations(model, transpose=settings.transpose)  # raises where surgery is impossible
+    data = {"path": str(dataset), **_fingerprints(dataset)}
+    root = root_candidate(fingerprint_of(model), data["train"])
+    save_ggcnn(model, model_file(directory, root.key))
+    if settings.distil not in (None, FROM_PARENT):
+        save_ggcnn(load_ggcnn(settings.distil), directory / TEACHER_FILE)
+    return {
+        "event": "search",
+        "format": FORMAT,
+        "command": command,
+        "network": name,
+        "root": root.key,
+        "settings": settings.as_dict(),
+        "data": data,
+        "versions": versions(),
+        "started": time.time(),
+    }
+
+
+def _fingerprints(dataset: Path) -> dict[str, str]:
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+
+    return {split: GraspDataset(dataset, split).fingerprint for split in ("train", "test")}
+
+
+def _check_data(begun: Event) -> None:
+    path = Path(begun["data"]["path"])
+    found = _fingerprints(path)
+    if any(found[split] != begun["data"][split] for split in found):
+        raise SearchError(f"expected the dataset that the search began with in {path}, received another: put it back")
+
+
+def _search(
+    directory: Path, events: Sequence[Event], workers: Workers, journal: Journal, on_event: OnEvent
+) -> SearchHistory:
+    for event in events:
+        on_event(event)
+    tree = CandidateTree(directory, events, workers, journal, on_event)
+    if tree.settings.heuristic == SIM:
+        prepare_simulation(tree.settings, directory, workers.count)
+    found = search(tree, tree.root, tree.settings.beam, tree.note_lookahead)
+    sign = 1 if tree.settings.beam.maximise else -1
+    best, _ = max(found.path, key=lambda place: sign * place[1])
+    with replacing(directory / BEST_FILE) as temporary:
+        shutil.copyfile(model_file(directory, best.key), temporary)
+    tree.write({"event": "finished", "path": [node.key for node, _ in found.path], "best": best.key})
+    return load_history(directory)
