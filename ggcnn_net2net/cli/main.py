@@ -18,6 +18,7 @@ COMMANDS = {
     "dataset": ("dataset", "dataset", "Read, convert, join and look at grasp data."),
     "inspect": ("inspect", "inspect_command", "Tell what a model file holds."),
     "train": ("train", "train_command", "Train a network on grasp data."),
+    "search": ("search", "search_command", "Search for a better network by surgery and training."),
     "grow": ("grow", "grow_command", "Apply Net2Net operations to a model file."),
 }
 INTERRUPTED = 130

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ggcnn_net2net.cli.networks import open_network
 from ggcnn_net2net.cli.options import PROTOCOL
 
 if TYPE_CHECKING:
-    import keras
     from rich.table import Table
 
     from ggcnn_net2net.datasets.build import FreshAugmentations
@@ -101,7 +101,7 @@ def train_command(
     )
     import_tensorflow()
     set_threads(threads)
-    model = _network(network, stored.shape[0], seed)
+    model = open_network(network, stored.shape[0], seed)
     checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
     console = Console()
     try:
@@ -141,14 +141,6 @@ def _fresh_augmentations(stored: GraspDataset, folder: Path) -> FreshAugmentatio
             f"{len(found)} of which are in the folder"
         )
     return FreshAugmentations(found, Augmentation.from_dict(settings), stored.attributes["seed"])
-
-
-def _network(network: str, size: int, seed: int) -> keras.Model:
-    from ggcnn_net2net.architecture import build_ggcnn
-    from ggcnn_net2net.model_files import load_ggcnn
-
-    is_file = network == "published" or Path(network).suffix or Path(network).exists()
-    return load_ggcnn(network) if is_file else build_ggcnn(network, input_size=size, seed=seed)
 
 
 @contextmanager

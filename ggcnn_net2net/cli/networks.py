@@ -1,0 +1,28 @@
+"""Networks as the user names them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import keras
+
+
+def open_network(network: str, input_size: int, seed: int) -> keras.Model:
+    """A network with its weights, or a new one.
+
+    Args:
+        network: "published" or a model file; or an architecture, in the paper's notation or by name.
+        input_size: side of the images that a new network is to take, in pixels.
+        seed: of a new network's weights.
+
+    Raises:
+        ModelFileError: a file that cannot be read.
+        ArchitectureError: neither a file nor an architecture.
+    """
+    from ggcnn_net2net.architecture import build_ggcnn
+    from ggcnn_net2net.model_files import load_ggcnn
+
+    is_file = network == "published" or Path(network).suffix or Path(network).exists()
+    return load_ggcnn(network) if is_file else build_ggcnn(network, input_size=input_size, seed=seed)
