@@ -7,36 +7,16 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import ggcnn_net2net as gn
 from ggcnn_net2net.cli.search import search_command
-from ggcnn_net2net.datasets.augmentation import Sample
-from ggcnn_net2net.datasets.hdf5 import DatasetWriter
-from ggcnn_net2net.datasets.label_maps import LabelMaps
 from ggcnn_net2net.errors import ArchitectureError, DatasetError, SearchError
 from ggcnn_net2net.search import SearchSettings, load_history
 
-SIZE = 36
 ARCHITECTURE = "C5x5x2_C3x3x2_T3x3x2_T5x5x2"
 SMALL = ("--beam", 1, "--depth", 1, "--epochs", 1, "--heuristic", "loss", "--workers", 2)
-
-
-@pytest.fixture(scope="module")
-def dataset(tmp_path_factory):
-    path = tmp_path_factory.mktemp("data") / "grasps.h5"
-    random = np.random.default_rng(0)
-    with DatasetWriter(path, {"source": "test"}) as writer:
-        for number in range(12):
-            quality = (random.random((SIZE, SIZE)) > 0.9).astype(np.float32)
-            depth = random.normal(0, 0.1, (SIZE, SIZE)).astype(np.float32)
-            rectangles = np.array([[[1.0, 1.0], [1.0, 9.0], [5.0, 9.0], [5.0, 1.0]]])
-            maps = LabelMaps(quality, 0.3 * quality, 60 * quality)
-            sample = Sample(f"scene{number}", depth, np.zeros((SIZE, SIZE, 3), np.uint8), rectangles, maps)
-            writer.add("train" if number < 8 else "test", sample)
-    return path
 
 
 def call(*arguments):

@@ -14,35 +14,13 @@ from click.testing import CliRunner
 
 import ggcnn_net2net as gn
 from ggcnn_net2net.cli.train import train_command
-from ggcnn_net2net.datasets.augmentation import Augmentation, Sample
+from ggcnn_net2net.datasets.augmentation import Augmentation
 from ggcnn_net2net.datasets.build import build_dataset
-from ggcnn_net2net.datasets.hdf5 import DatasetWriter
-from ggcnn_net2net.datasets.label_maps import LabelMaps
 from ggcnn_net2net.datasets.raw import open_scenes
 from ggcnn_net2net.datasets.splits import Split
 from ggcnn_net2net.errors import ArchitectureError, DatasetError, ModelFileError, TrainingError
 
-SIZE = 36
 ARCHITECTURE = "C5x5x4_C3x3x2_T3x3x2_T5x5x4"
-
-
-@pytest.fixture(scope="module")
-def dataset(tmp_path_factory):
-    path = tmp_path_factory.mktemp("data") / "grasps.h5"
-    random = np.random.default_rng(0)
-    with DatasetWriter(path, {"source": "test"}) as writer:
-        for number in range(12):
-            quality = (random.random((SIZE, SIZE)) > 0.9).astype(np.float32)
-            depth = random.normal(0, 0.1, (SIZE, SIZE)).astype(np.float32)
-            sample = Sample(
-                f"scene{number}",
-                depth,
-                np.zeros((SIZE, SIZE, 3), np.uint8),
-                np.ones((1, 4, 2)) * [[[1, 1], [1, 9], [5, 9], [5, 1]]],
-                LabelMaps(quality, 0.3 * quality, 60 * quality),
-            )
-            writer.add("train" if number < 8 else "test", sample)
-    return path
 
 
 @pytest.fixture
