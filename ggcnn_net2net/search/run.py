@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Callable, Sequence
@@ -169,7 +170,7 @@ def _search(
         on_event(event)
     tree = CandidateTree(directory, events, workers, journal, on_event)
     if tree.settings.heuristic == SIM:
-        prepare_simulation(tree.settings, directory, workers.count)
+        prepare_simulation(tree.settings, directory, os.cpu_count() or 1)
     found = search(tree, tree.root, tree.settings.beam, tree.note_lookahead)
     sign = 1 if tree.settings.beam.maximise else -1
     best, _ = max(found.path, key=lambda place: sign * place[1])
