@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ggcnn_net2net.datasets.build import FreshAugmentations
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
     from ggcnn_net2net.training import Recipe, TrainingResult
+    from ggcnn_net2net.training.stages import Stage
     from ggcnn_net2net.training.train import OnProgress
 
 _SHOWN = 10  # epochs of the final table
@@ -30,12 +31,21 @@ POSITIVE = click.IntRange(min=1)
 @click.argument("network")
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="Model to write.")
-@click.option("--epochs", default=30, show_default=True, type=POSITIVE)
+@click.option("--epochs", default=30, show_default=True, type=POSITIVE, help="Of a stage.")
+@click.option("--ops", help='Grow on the way: operations in order ("deeper(3), wider(3)"), each with a stage after it.')
+@click.option("--repeat", default=1, show_default=True, type=POSITIVE, help="Stages if there is no --ops.")
+@click.option(
+    "--final-epochs", default=0, show_default=True, type=click.IntRange(min=0), help="Added to the last stage."
+)
 @click.option("--batch-size", default=4, show_default=True, type=POSITIVE, help="Images a step.")
 @PROTOCOL
 @click.option("--optimizer", default="rmsprop-keras2", show_default=True, help="The paper's, or a name Keras knows.")
 @click.option("--learning-rate", default=1e-3, show_default=True, type=click.FloatRange(0, min_open=True))
-@click.option("--schedule", type=click.Choice(["cosine"]), help="Let the learning rate fall to 0. [default: constant]")
+@click.option(
+    "--schedule",
+    type=click.Choice(["cosine"]),
+    help="Let the learning rate fall to 0, in the last stage. [default: constant]",
+)
 @click.option("--images-per-epoch", type=POSITIVE, help="Images of an epoch. [default: all]")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of new weights and the order.")
 @click.option("--threads", default=os.cpu_count() or 1, show_default="number of cores", type=POSITIVE)
@@ -55,6 +65,9 @@ def train_command(
     dataset: Path,
     output: Path,
     epochs: int,
+    ops: str | None,
+    repeat: int,
+    final_epochs: int,
     batch_size: int,
     protocol_name: str,
     optimizer: str,
@@ -75,17 +88,27 @@ def train_command(
     the images. Beside the model come its losses (.csv, .png) and what made it (.json). The same command goes on where
     an interrupted one stopped; the same seed and threads give the same weights.
 
+    With --ops the network is grown on the way. --repeat of as many stages is the control: the same training, with an
+    optimizer that starts afresh as often, and no surgery.
+
     \b
     Example: ggcnn-net2net train original cornell.h5 -o cornell.hdf5 --epochs 30 --protocol corrected
+             ggcnn-net2net train published cornell.h5 -o extended.hdf5 --epochs 2 --final-epochs 8 \\
+                 --ops "deeper(3), deeper(4), wider(3), deeper(3)"
     """
     from rich.console import Console
 
     from ggcnn_net2net.datasets.hdf5 import GraspDataset  # --help must not load what the work needs
     from ggcnn_net2net.model_files.save import check_writable, save_ggcnn
+    from ggcnn_net2net.net2net import parse_operations
     from ggcnn_net2net.protocol import protocol_named
     from ggcnn_net2net.quiet import import_tensorflow
-    from ggcnn_net2net.training import Recipe, set_threads, train
+    from ggcnn_net2net.training import Recipe, set_threads
+    from ggcnn_net2net.training.stages import is_staged, stages_of, train_stages
 
+    if ops is not None and repeat > 1:
+        raise click.UsageError("expected --ops or --repeat, received both: the operations are the stages")
+    operations = [None] * repeat if ops is None else parse_operations(ops)
     check_writable(output)
     stored = GraspDataset(dataset, "train")
     data = stored if scenes is None else _fresh_augmentations(stored, scenes)
@@ -99,17 +122,20 @@ def train_command(
         seed=seed,
         protocol=protocol_named(protocol_name),
     )
+    stages = stages_of(recipe, operations, final_epochs)
     import_tensorflow()
     set_threads(threads)
     model = open_network(network, stored.shape[0], seed)
     checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
     console = Console()
     try:
-        with _progress(recipe, console) as on_progress:
-            result = train(
+        with _progress(sum(stage.recipe.epochs for stage in stages), batch_size, console) as on_progress:
+            result = train_stages(
                 model,
                 data,
                 recipe,
+                operations,
+                final_epochs,
                 validation=GraspDataset(dataset, "test") if validation else None,
                 checkpoint_dir=checkpoint_dir,
                 on_progress=on_progress,
@@ -120,7 +146,7 @@ def train_command(
         raise
     save_ggcnn(result.model, output)
     facts = {"network": network, "threads": threads, "fresh_augmentations": scenes is not None}
-    _write_records(output, result, recipe, stored, facts)
+    _write_records(output, result, recipe, stored, facts, stages if is_staged(operations) else [])
     console.print(_table(result))
     click.echo(f"written to {output}, with .csv, .png and .json beside it")
 
@@ -144,7 +170,7 @@ def _fresh_augmentations(stored: GraspDataset, folder: Path) -> FreshAugmentatio
 
 
 @contextmanager
-def _progress(recipe: Recipe, console: Any) -> Iterator[OnProgress]:
+def _progress(epochs: int, batch_size: int, console: Any) -> Iterator[OnProgress]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -161,12 +187,12 @@ def _progress(recipe: Recipe, console: Any) -> Iterator[OnProgress]:
 
         def show(epoch: int, step: int, steps: int, loss: float) -> None:
             nonlocal images
-            images += recipe.batch_size
+            images += batch_size
             progress.update(
                 task,
-                total=recipe.epochs * steps,
+                total=epochs * steps,
                 completed=epoch * steps + step,
-                description=f"epoch {epoch + 1}/{recipe.epochs}, loss {loss:.5f}",
+                description=f"epoch {epoch + 1}/{epochs}, loss {loss:.5f}",
                 speed=f"{images / (time.monotonic() - started):.1f} images/s",
             )
 
@@ -174,9 +200,14 @@ def _progress(recipe: Recipe, console: Any) -> Iterator[OnProgress]:
 
 
 def _write_records(
-    output: Path, result: TrainingResult, recipe: Recipe, data: GraspDataset, facts: dict[str, Any]
+    output: Path,
+    result: TrainingResult,
+    recipe: Recipe,
+    data: GraspDataset,
+    facts: dict[str, Any],
+    stages: Sequence[Stage],
 ) -> None:
-    """Write losses as CSV and PNG, and the provenance as JSON, beside the model."""
+    """Write losses as CSV and PNG, and the provenance as JSON, beside the model; `stages` is empty for a plain run."""
     import json
     import shlex
     import sys
@@ -185,13 +216,19 @@ def _write_records(
     from ggcnn_net2net.reference_data import sha256_of
     from ggcnn_net2net.reproduce.results import versions
     from ggcnn_net2net.training.report import write_curves, write_history
+    from ggcnn_net2net.training.stages import write_stage_curves
 
     write_history(result.history, output.with_suffix(".csv"))
-    write_curves(result.history, output.with_suffix(".png"), f"{facts['network']} on {data.path.name}")
+    picture, title = output.with_suffix(".png"), f"{facts['network']} on {data.path.name}"
+    if stages:
+        write_stage_curves(result.history, stages, picture, title)
+    else:
+        write_curves(result.history, picture, title)
     provenance = {
         "command": shlex.join(["ggcnn-net2net", *sys.argv[1:]]),
         **facts,
         "recipe": recipe.as_dict(),
+        **(_growth(output, recipe, stages) if stages else {}),
         "data": {"file": data.path.name, "images": len(data), "sha256": data.fingerprint, "made_by": data.attributes},
         "parameters": result.model.count_params(),
         "model_sha256": sha256_of(output),
@@ -199,6 +236,19 @@ def _write_records(
         "versions": versions(),
     }
     write_text(output.with_suffix(".json"), json.dumps(provenance, indent=2) + "\n")
+
+
+def _growth(output: Path, recipe: Recipe, stages: Sequence[Stage]) -> dict[str, Any]:
+    """What became of the network on the way."""
+    from ggcnn_net2net.model_files.summary import model_summary
+
+    summary = model_summary(output)
+    return {
+        "stages": [stage.as_dict() for stage in stages],
+        "wider_noise": recipe.protocol.wider_noise,
+        "operations": summary.history,  # with those before this run
+        "architecture": summary.architecture,
+    }
 
 
 def _table(result: TrainingResult) -> Table:

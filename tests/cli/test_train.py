@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import click
 import cv2
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from ggcnn_net2net.datasets.augmentation import Augmentation
 from ggcnn_net2net.datasets.build import build_dataset
 from ggcnn_net2net.datasets.raw import open_scenes
 from ggcnn_net2net.datasets.splits import Split
-from ggcnn_net2net.errors import ArchitectureError, DatasetError, ModelFileError, TrainingError
+from ggcnn_net2net.errors import ArchitectureError, DatasetError, ModelFileError, SurgeryError, TrainingError
 
 ARCHITECTURE = "C5x5x4_C3x3x2_T3x3x2_T5x5x4"
 
@@ -55,6 +56,8 @@ def test_it_writes_the_model_and_what_made_it(call, tmp_path):
     assert facts["recipe"]["seed"] == 0
     assert facts["parameters"] == gn.SHALLOW.n_parameters
     assert facts["versions"]["tensorflow"]
+    assert "stages" not in facts
+    assert [path.name for path in (tmp_path / "shallow.hdf5.training").iterdir()] == ["checkpoint.npz"]
 
 
 def test_it_goes_on_from_a_checkpoint_and_from_a_file(call, tmp_path):
@@ -77,6 +80,50 @@ def test_another_run_does_not_go_on_from_the_checkpoint(call, tmp_path):
     with pytest.raises(TrainingError, match="another recipe"):
         call("shallow", output, "--epochs", 1, "--optimizer", "adam")
     call("shallow", output, "--epochs", 1, "--optimizer", "adam", "--restart")
+
+
+def test_a_network_is_grown_on_the_way(call, tmp_path):
+    output = tmp_path / "grown.hdf5"
+    options = ["--ops", "deeper(1), wider(3)", "--epochs", 1, "--final-epochs", 1, "--protocol", "corrected"]
+    call("shallow", output, *options, "--schedule", "cosine")
+    model = gn.load_ggcnn(output)
+    architecture = "C5x5x4_C5x5x4_C3x3x4_T3x3x2_T5x5x4"
+    assert str(gn.architecture_of(model)) == architecture
+    with output.with_suffix(".csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [(row["stage"], row["epoch"]) for row in rows] == [("0", "0"), ("1", "1"), ("1", "2")]
+    assert cv2.imread(str(output.with_suffix(".png"))).std() > 10  # not blank
+    facts = json.loads(output.with_suffix(".json").read_text())
+    assert facts["architecture"] == architecture
+    assert facts["wider_noise"] == 0.3
+    assert [stage["operation"] for stage in facts["stages"]] == ["deeper(1)", "wider(3)"]
+    assert [stage["epochs"] for stage in facts["stages"]] == [1, 2]
+    assert [stage["learning_rate_schedule"] for stage in facts["stages"]] == [None, "cosine"]
+    assert facts["operations"] == gn.history_of(model)
+    assert facts["operations"][1]["seed"] == facts["stages"][1]["seed"] != facts["recipe"]["seed"]
+    assert sorted(path.name for path in (tmp_path / "grown.hdf5.training").iterdir()) == ["stage_0", "stage_1"]
+
+
+def test_the_control_is_as_long_and_does_not_grow(call, tmp_path):
+    output = tmp_path / "control.hdf5"
+    call("shallow", output, "--repeat", 2, "--epochs", 1, "--final-epochs", 1)
+    assert str(gn.architecture_of(gn.load_ggcnn(output))) == ARCHITECTURE
+    facts = json.loads(output.with_suffix(".json").read_text())
+    assert [stage["operation"] for stage in facts["stages"]] == [None, None]
+    assert facts["last_epoch"]["epoch"] == 2
+
+
+def test_wrong_operations_are_refused_before_any_training(call, tmp_path):
+    output = tmp_path / "model.hdf5"
+    with pytest.raises(click.UsageError, match="received both"):
+        call("shallow", output, "--ops", "deeper(1)", "--repeat", 2)
+    with pytest.raises(SurgeryError, match=r"deeper\(3\)"):
+        call("shallow", output, "--ops", "deeper")
+    with pytest.raises(SurgeryError, match="operation 2 of 2"):
+        call("shallow", output, "--ops", "deeper(1), wider(20)")
+    with pytest.raises(TrainingError, match="one operation or more"):
+        call("shallow", output, "--ops", "")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_errors(call, tmp_path):
