@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ggcnn_net2net.atomic import replacing
-from ggcnn_net2net.errors import SearchError
+from ggcnn_net2net.errors import DatasetError, SearchError
 from ggcnn_net2net.parallel import Workers
 from ggcnn_net2net.search.beam import search
 from ggcnn_net2net.search.candidates import root_candidate
@@ -63,7 +63,7 @@ def start_search(
 
     Raises:
         SearchError: the folder holds a search, the network cannot be scored, or too many candidates failed in a row.
-        DatasetError: a dataset that cannot be read.
+        DatasetError: a dataset that cannot be read, or has images of another size than the network takes.
         SurgeryError: no operation can be applied to the network at all.
     """
     directory, dataset = Path(directory).absolute(), Path(dataset).absolute()
@@ -132,6 +132,7 @@ def _prepare(
     from ggcnn_net2net.training.checkpoint import fingerprint_of
 
     operations(model, transpose=settings.transpose)  # raises where surgery is impossible
+    _check_size(model, dataset)
     data = {"path": str(dataset), **_fingerprints(dataset)}
     root = root_candidate(fingerprint_of(model), data["train"])
     save_ggcnn(model, model_file(directory, root.key))
@@ -148,6 +149,17 @@ def _prepare(
         "versions": versions(),
         "started": time.time(),
     }
+
+
+def _check_size(model: keras.Model, dataset: Path) -> None:
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+
+    taken, found = tuple(model.input_shape[1:3]), GraspDataset(dataset, "train").shape
+    if None not in taken and taken != found:
+        raise DatasetError(
+            f"expected images of {taken} px, which the network takes, received {found} in {dataset}: build a dataset "
+            "for this network"
+        )
 
 
 def _fingerprints(dataset: Path) -> dict[str, str]:

@@ -284,7 +284,10 @@ def test_other_data_is_refused(model, dataset, tmp_path):
         resume_search(tmp_path / "search", ScriptedWorkers())
 
 
-def test_nothing_is_left_of_a_search_that_cannot_start(model, tmp_path):
-    with pytest.raises(DatasetError):
+def test_nothing_is_left_of_a_search_that_cannot_start(model, dataset, tmp_path):
+    with pytest.raises(DatasetError, match="dataset file"):
         start_search(model, tmp_path / "missing.h5", SMALL, tmp_path / "search", ScriptedWorkers())
+    larger = build_ggcnn(ARCHITECTURE, input_size=2 * SIZE, seed=0)
+    with pytest.raises(DatasetError, match=r"images of \(144, 144\) px.*received \(72, 72\)"):
+        start_search(larger, dataset, SMALL, tmp_path / "search", ScriptedWorkers())
     assert read_events(tmp_path / "search" / "journal.jsonl") == []
