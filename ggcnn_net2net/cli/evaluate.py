@@ -54,7 +54,7 @@ def grasp(
     film: Path | None,
     gui: bool,
 ) -> None:
-    """Let MODEL (a file, or "published") grasp one object; the scene is the one of `reproduce table1`.
+    """Let MODEL (a file, "published" or "zoo:NAME") grasp one object; the scene is the one of `reproduce table1`.
 
     \b
     Example: ggcnn-net2net evaluate grasp published --object hammer --picture hammer.png --film hammer.gif
@@ -159,7 +159,7 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="Write the result as JSON.")
 @click.option("--csv", "csv_path", type=click.Path(path_type=Path, dir_okay=False), help="Write a CSV row an image.")
 def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None, csv_path: Path | None) -> None:
-    """IoU rate of MODEL (a file, or "published") on DATASET, an HDF5 file of the GG-CNN layout.
+    """IoU rate of MODEL (a file, "published" or "zoo:NAME") on DATASET, an HDF5 file of the GG-CNN layout.
 
     A grasp counts if its rectangle shares more than a quarter of the pixels (IoU) with a labelled one whose direction
     is within 30 degrees. Printed as published (PAPER) and corrected: the published code takes 89 and -89 degrees for

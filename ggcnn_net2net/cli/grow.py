@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.option("--seed", default=0, show_default=True, help="Seed of the filters that wider replicates.")
 @click.option("--noise", default=0.0, show_default=True, help="Noise that tells the clones of wider apart.")
 def grow_command(file: str, ops: str, output: Path, seed: int, noise: float) -> None:
-    """Grow the network in model FILE, a path or "published", so that it computes the same maps.
+    """Grow the network in model FILE, a path, "published" or "zoo:NAME", so that it computes the same maps.
 
     Layers are counted from 1. The suffix of the output chooses its format: .hdf5 and .h5 open in every Keras from 2.0
     on, .keras in Keras 3. Prints how the number of parameters changed and how far the maps differ.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @click.argument("file")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as one JSON object.")
 def inspect_command(file: str, as_json: bool) -> None:
-    """Show the architecture, layers, optimizer, lineage and health of model FILE, a path or "published".
+    """Show the architecture, layers, optimizer, lineage and health of model FILE, a path, "published" or "zoo:NAME".
 
     Reads .hdf5 and .h5 of every Keras from 2.0 on, .keras, and the PyTorch state_dict of the GG-CNN authors. Exit code
     1 if the file cannot be read or does not hold a working GG-CNN.

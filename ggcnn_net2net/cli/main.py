@@ -16,6 +16,7 @@ COMMANDS = {
     "evaluate": ("evaluate", "evaluate", "Try single grasps, look at failures, score a network on a dataset."),
     "objects": ("objects", "objects", "Show an object set: a table and a contact sheet."),
     "dataset": ("dataset", "dataset", "Read, convert, join and look at grasp data."),
+    "zoo": ("zoo", "zoo_command", "The networks that this project trained."),
     "inspect": ("inspect", "inspect_command", "Tell what a model file holds."),
     "train": ("train", "train_command", "Train a network on grasp data."),
     "search": ("search", "search_command", "Search for a better network by surgery and training."),

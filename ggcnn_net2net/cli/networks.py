@@ -13,7 +13,7 @@ def open_network(network: str, input_size: int, seed: int) -> keras.Model:
     """A network with its weights, or a new one.
 
     Args:
-        network: "published" or a model file; or an architecture, in the paper's notation or by name.
+        network: "published", "zoo:NAME" or a model file; or an architecture, in the paper's notation or by name.
         input_size: side of the images that a new network is to take, in pixels.
         seed: of a new network's weights.
 
@@ -23,6 +23,7 @@ def open_network(network: str, input_size: int, seed: int) -> keras.Model:
     """
     from ggcnn_net2net.architecture import build_ggcnn
     from ggcnn_net2net.model_files import load_ggcnn
+    from ggcnn_net2net.zoo import PREFIX
 
-    is_file = network == "published" or Path(network).suffix or Path(network).exists()
+    is_file = network == "published" or network.startswith(PREFIX) or Path(network).suffix or Path(network).exists()
     return load_ggcnn(network) if is_file else build_ggcnn(network, input_size=input_size, seed=seed)

@@ -29,11 +29,10 @@ def reproduce() -> None:
 @WORKERS
 @click.option(
     "--models",
-    default="original,extended,optimized",
-    show_default=True,
     metavar="NAMES",
-    help="Networks of the table, separated by commas: original (the published one), extended, optimized, or paths of "
-    "your own model files.",
+    help="Networks of the table, separated by commas: original (the published one), control, extended, optimized, "
+    "searched_extended, searched_small, others of the zoo as zoo:NAME, or paths of your own model files. [default: "
+    "these six, but control and the searched ones only if the zoo has them]",
 )
 @click.option(
     "--output",
@@ -47,7 +46,7 @@ def table1(
     poses: int,
     seed: int,
     workers: int,
-    models: str,
+    models: str | None,
     output: Path | None,
     protocol_name: str,
 ) -> int:
@@ -56,6 +55,7 @@ def table1(
     \b
     Examples:
       python -m ggcnn_net2net.reproduce table1
+      python -m ggcnn_net2net.reproduce table1 --poses 25   (1,000 grasps a network: what 200 cannot tell apart)
       python -m ggcnn_net2net.reproduce table1 --objects ycb40 --models original,my_network.hdf5
 
     Exit codes: 0 done, 1 an error that is explained, 2 wrong usage, 3 done but grasps were lost to worker processes
@@ -66,14 +66,14 @@ def table1(
     from ggcnn_net2net.cli.progress import stages
     from ggcnn_net2net.protocol import protocol_named
     from ggcnn_net2net.quiet import import_tensorflow
-    from ggcnn_net2net.reproduce.networks import load_networks
+    from ggcnn_net2net.reproduce.networks import default_rows, load_networks
     from ggcnn_net2net.reproduce.report import print_table
     from ggcnn_net2net.reproduce.table1 import run_table1
     from ggcnn_net2net.simulation.object_sets import load_object_set
 
     import_tensorflow()
     protocol = protocol_named(protocol_name)
-    networks = load_networks(name.strip() for name in models.split(","))
+    networks = load_networks(default_rows() if models is None else (name.strip() for name in models.split(",")))
     objects = load_object_set(objects_spec, protocol)
     if output is None:
         name = f"table1-{objects.name}-{poses}poses-seed{seed}-{protocol.name.lower()}"

@@ -104,7 +104,7 @@ def search_command() -> None:
 def run(model: str, dataset: Path, directory: Path, workers: int | None, scheduler: str | None, **options: Any) -> None:
     """Search from MODEL, judged on DATASET, an HDF5 file of `dataset build`, and write everything to a folder.
 
-    MODEL is "published", a model file, or an architecture (narrow, C9x9x8_T9x9x8), which starts untrained. The best
+    MODEL is "published", "zoo:NAME", a model file, or an architecture (narrow, C9x9x8_T9x9x8), untrained. The best
     network of the path becomes best.hdf5. Ctrl-C at any time; `search resume` goes on.
 
     \b

@@ -84,9 +84,9 @@ def train_command(
     """Train NETWORK on the "train" split of DATASET, an HDF5 file of `dataset build`.
 
     NETWORK is an architecture (C9x9x8_T9x9x8, or original, extended, optimized, narrow, shallow), which starts with new
-    weights, or a model file or "published", which goes on from its own. The protocol chooses the loss and the order of
-    the images. Beside the model come its losses (.csv, .png) and what made it (.json). The same command goes on where
-    an interrupted one stopped; the same seed and threads give the same weights.
+    weights, or a model file, "published" or "zoo:NAME", which goes on from its own. The protocol chooses the loss and
+    the order of the images. Beside the model come its losses (.csv, .png) and what made it (.json). The same command
+    goes on where an interrupted one stopped; the same seed and threads give the same weights.
 
     With --ops the network is grown on the way. --repeat of as many stages is the control: the same training, with an
     optimizer that starts afresh as often, and no surgery.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from textwrap import fill
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -11,26 +12,41 @@ from rich.table import Table
 from tabulate import tabulate
 
 from ggcnn_net2net.atomic import replacing, write_text
+from ggcnn_net2net.reproduce.networks import CONTROL
 from ggcnn_net2net.reproduce.results import Table1, Table1Row
-from ggcnn_net2net.reproduce.statistics import Rate
+from ggcnn_net2net.reproduce.statistics import PairedComparison, Rate
 
 HEADINGS = ("GG-CNN", "parameters", "success", "rate (95% interval)", "in bin", "paper", "p")
+CONTROL_HEADING = "p (control)"
+_LABEL_WIDTH = 18  # characters of a network's name that fit below its bars
 
 
 def print_table(console: Console, table: Table1) -> None:
     """Show the table in the terminal, with what a reader has to know below it."""
     shown = Table(title="Table I: success and size", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in HEADINGS:
+    for heading in headings(table):
         shown.add_column(heading, justify="left" if heading == HEADINGS[0] else "right", no_wrap=True)
-    for row in table.rows:
-        shown.add_row(*cells(row))
-    console.print(shown)
+    for row in cells(table):
+        shown.add_row(*row)
+    # A narrow terminal breaks lines, which can still be read; rich would cut numbers.
+    shown.width = console.measure(shown, options=console.options.update(max_width=1000)).maximum
+    console.print(shown, soft_wrap=True)
     for line in captions(table):
         console.print(line, highlight=False, soft_wrap=True)
 
 
-def cells(row: Table1Row) -> tuple[str, ...]:
-    """The texts of one row, in the order of `HEADINGS`."""
+def headings(table: Table1) -> tuple[str, ...]:
+    """Of the columns; one more where the table has a control."""
+    return (*HEADINGS, CONTROL_HEADING) if table.has_control else HEADINGS
+
+
+def cells(table: Table1) -> list[tuple[str, ...]]:
+    """The texts of all rows, in the order of `headings`."""
+    rows = [_cells(row) for row in table.rows]
+    return rows if table.has_control else [row[: len(HEADINGS)] for row in rows]
+
+
+def _cells(row: Table1Row) -> tuple[str, ...]:
     rate, in_bin = row.success, row.in_bin
     low, high = rate.interval
     return (
@@ -40,19 +56,30 @@ def cells(row: Table1Row) -> tuple[str, ...]:
         f"{rate.value:.3f} ({low:.3f}-{high:.3f})" if rate.trials else "-",
         f"{in_bin.successes}/{in_bin.trials}" if rate.trials else "-",
         f"{row.network.paper.accuracy:.3f}" if row.network.paper else "-",
-        f"{row.comparison.p_value:.3g}" if row.comparison else "-",
+        _p_value(row.comparison),
+        _p_value(row.control_comparison),
     )
+
+
+def _p_value(comparison: PairedComparison | None) -> str:
+    return f"{comparison.p_value:.3g}" if comparison else "-"
 
 
 def captions(table: Table1) -> list[str]:
     """What a reader has to know beside the numbers."""
     settings = table.scenes
+    original = "the stand-in of the published network" if table.has_stand_in else "the published network"
     lines = [
         f"Objects {settings.object_set}, {settings.poses} pose(s) each, seed {settings.seed}, protocol "
         f"{table.protocol.name}. The paper: 40 ShapeNetSem objects, 5 poses each.",
         "Success: object within 0.7 m of the bin's centre (the paper's rule); in bin: between its walls. Interval: "
-        "Wilson. Paper: its accuracy. p: McNemar's exact test against the published network, same scenes.",
+        f"Wilson. Paper: its accuracy. p: McNemar's exact test against {original}, same scenes.",
     ]
+    if table.has_control:
+        lines.append(
+            f"{CONTROL_HEADING}: the same test against the row {CONTROL}, the original with more training and no "
+            "surgery: what is left of a gain once more training is accounted for."
+        )
     networks = [row.network for row in table.rows]
     papers = ", ".join(f"{network.name} {network.paper.parameters:,}" for network in networks if network.paper)
     if papers:
@@ -77,7 +104,7 @@ def write_markdown(path: Path, table: Table1, command: str, versions: dict[str, 
     lines = [
         "# Table I",
         "",
-        tabulate([cells(row) for row in table.rows], HEADINGS, tablefmt="pipe", disable_numparse=True),
+        tabulate(cells(table), headings(table), tablefmt="pipe", disable_numparse=True),
         "",
         *(f"* {line}" for line in captions(table)),
         f"* Made by `{command}` with {', '.join(f'{name} {number}' for name, number in versions.items())}.",
@@ -114,7 +141,10 @@ def write_chart(path: Path, table: Table1) -> None:
     for position, row in zip(positions, table.rows, strict=True):
         if not row.success.trials:
             axes.annotate("no model", (position - 0.2, 0.02), rotation=90, ha="center", fontsize=8)
-    names = [f"{row.network.name}\n{row.network.parameters:,}" for row in table.rows]
+    names = [
+        f"{fill(row.network.name, _LABEL_WIDTH, break_on_hyphens=False)}\n{row.network.parameters:,}"
+        for row in table.rows
+    ]
     axes.set_xticks(list(positions), names)
     axes.set_ylim(0, 1)
     axes.set_ylabel("success rate, 95% interval")

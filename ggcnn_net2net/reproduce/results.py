@@ -16,7 +16,7 @@ from ggcnn_net2net.atomic import write_text
 from ggcnn_net2net.errors import ResultsError
 from ggcnn_net2net.model_files import PUBLISHED_SHA256
 from ggcnn_net2net.protocol import Protocol
-from ggcnn_net2net.reproduce.networks import Network, short_hash
+from ggcnn_net2net.reproduce.networks import CONTROL, Network, short_hash
 from ggcnn_net2net.reproduce.records import GraspRecord
 from ggcnn_net2net.reproduce.statistics import PairedComparison, Rate
 from ggcnn_net2net.simulation.scenes import SceneSettings
@@ -38,7 +38,10 @@ class Table1Row:
     in_bin: Rate
     """The stricter rule: between the bin's walls."""
     comparison: PairedComparison | None
-    """With the published network on the same scenes; None for itself, and where it was not run."""
+    """With the original on the same scenes: the published network, or its stand-in if that is in the table. None for
+    itself, and where it was not run."""
+    control_comparison: PairedComparison | None
+    """With the control on the same scenes; None for itself, and where the table has none."""
 
     @property
     def crashed(self) -> int:
@@ -59,6 +62,16 @@ class Table1:
         """Trials of all networks lost because a worker process died."""
         return sum(row.crashed for row in self.rows)
 
+    @property
+    def has_stand_in(self) -> bool:
+        """Whether the original is not the published network."""
+        return any(row.network.stand_in for row in self.rows)
+
+    @property
+    def has_control(self) -> bool:
+        """Whether the rows are compared with the control, too."""
+        return any(row.control_comparison for row in self.rows)
+
 
 def summarise(
     networks: Sequence[Network], records: Iterable[GraspRecord], scenes: SceneSettings, protocol: Protocol
@@ -67,25 +80,35 @@ def summarise(
     by_weights: dict[str, dict[tuple[str, int], GraspRecord]] = {}
     for record in records:
         by_weights.setdefault(record.weights, {})[record.object, record.pose] = record
-    reference = by_weights.get(short_hash(PUBLISHED_SHA256), {})
+    stand_ins = [network.weights for network in networks if network.stand_in]
+    controls = [network.weights for network in networks if network.name == CONTROL]
+    # The published network's grasps may be in the folder without a row.
+    original = by_weights.get((stand_ins or [short_hash(PUBLISHED_SHA256)])[0], {})
+    control = by_weights.get(controls[0], {}) if controls else {}
     return Table1(
         scenes,
         protocol,
-        tuple(_row(network, by_weights.get(network.weights, {}), reference) for network in networks),
+        tuple(_row(network, by_weights.get(network.weights, {}), original, control) for network in networks),
     )
 
 
-def _row(network: Network, own: Records, reference: Records) -> Table1Row:
-    common = [key for key in reference if key in own] if own is not reference else []
+def _row(network: Network, own: Records, original: Records, control: Records) -> Table1Row:
     return Table1Row(
         network,
         Counter(record.outcome for record in own.values()),
         Rate(sum(record.success for record in own.values()), len(own)),
         Rate(sum(record.in_bin for record in own.values()), len(own)),
-        PairedComparison.of([reference[key].success for key in common], [own[key].success for key in common])
-        if common
-        else None,
+        _compared(original, own),
+        _compared(control, own),
     )
+
+
+def _compared(reference: Records, own: Records) -> PairedComparison | None:
+    """Both on the scenes that both have grasped on; None where there are none, and of a network with itself."""
+    common = [key for key in reference if key in own] if own is not reference else []
+    if not common:
+        return None
+    return PairedComparison.of([reference[key].success for key in common], [own[key].success for key in common])
 
 
 def settings_of(scenes: SceneSettings, protocol: Protocol) -> dict[str, Any]:
@@ -150,7 +173,7 @@ def write_results(path: Path, table: Table1, settings: dict[str, Any], command: 
 
 
 def _row_as_dict(row: Table1Row) -> dict[str, Any]:
-    network, comparison = row.network, row.comparison
+    network = row.network
     return {
         "name": network.name,
         "architecture": network.architecture,
@@ -158,12 +181,18 @@ def _row_as_dict(row: Table1Row) -> dict[str, Any]:
         "file": network.file,
         "sha256": network.sha256,
         "note": network.note,
+        "stand_in": network.stand_in,
         "success": _rate_as_dict(row.success),
         "in_bin": _rate_as_dict(row.in_bin),
         "outcomes": dict(sorted(row.outcomes.items())),
         "paper": asdict(network.paper) if network.paper else None,
-        "against_original": {**asdict(comparison), "mcnemar_exact_p": comparison.p_value} if comparison else None,
+        "against_original": _comparison_as_dict(row.comparison),
+        "against_control": _comparison_as_dict(row.control_comparison),
     }
+
+
+def _comparison_as_dict(comparison: PairedComparison | None) -> dict[str, Any] | None:
+    return {**asdict(comparison), "mcnemar_exact_p": comparison.p_value} if comparison else None
 
 
 def _rate_as_dict(rate: Rate) -> dict[str, Any] | None:

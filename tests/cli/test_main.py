@@ -5,7 +5,7 @@ import time
 import click
 import pytest
 
-from ggcnn_net2net import reference_data
+from ggcnn_net2net import reference_data, zoo
 from ggcnn_net2net.cli.main import COMMANDS, INTERRUPTED, cli, run
 from ggcnn_net2net.errors import GGCNNError
 from ggcnn_net2net.model_files import published
@@ -72,6 +72,7 @@ def test_without_weights_and_network_it_says_what_to_do(monkeypatch, capsys, tmp
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(reference_data, "checkout_root", lambda: tmp_path / "checkout")
     monkeypatch.setattr(published, "PUBLISHED_URL", "http://127.0.0.1:9/epoch_29_model.hdf5")
+    monkeypatch.setattr(zoo.files, "FOLDER", tmp_path / "zoo")  # nothing stands in
     started = time.monotonic()
     assert exit_code(cli, ["reproduce", "table1", "--output", str(tmp_path / "out")], monkeypatch) == 1
     assert time.monotonic() - started < 30

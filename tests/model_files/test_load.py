@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+import warnings
+
 import h5py
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from ggcnn_net2net import reference_data, zoo
 from ggcnn_net2net.architecture import HEADS, architecture_of
-from ggcnn_net2net.errors import ArchitectureError
-from ggcnn_net2net.model_files import check_ggcnn, load_ggcnn
+from ggcnn_net2net.errors import ArchitectureError, DataNotFoundError, ModelFileError, VerificationError
+from ggcnn_net2net.model_files import check_ggcnn, load_ggcnn, published, save_ggcnn
+from ggcnn_net2net.model_files.load import source_path
+from ggcnn_net2net.zoo import files
 
 
 def assert_same_maps(maps, model, other) -> None:
@@ -116,3 +123,68 @@ def test_published_network(data_root, monkeypatch):
     assert architecture_of(model) == ORIGINAL
     assert model.count_params() == 62_420
     assert not model.compiled
+
+
+class TestStandIn:
+    """What "published" means where the published file is nowhere."""
+
+    @pytest.fixture(autouse=True)
+    def nowhere(self, monkeypatch, tmp_path):
+        """No published file, no network; a zoo that is empty."""
+        (tmp_path / "zoo").mkdir()
+        monkeypatch.setattr(files, "FOLDER", tmp_path / "zoo")
+        monkeypatch.delenv("GGCNN_NET2NET_DATA", raising=False)
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        monkeypatch.setattr(reference_data, "checkout_root", lambda: tmp_path / "checkout")
+        monkeypatch.setattr(published, "PUBLISHED_URL", "http://127.0.0.1:9/epoch_29_model.hdf5")
+
+    @pytest.fixture
+    def stand_in(self, small, tmp_path):
+        path = save_ggcnn(small, tmp_path / "zoo" / f"{zoo.STAND_IN}.hdf5")
+        path.with_suffix(".json").write_text(json.dumps({"model_sha256": reference_data.sha256_of(path)}))
+        return path
+
+    @pytest.fixture
+    def found(self, tmp_path):
+        """Where the published file is looked for."""
+        path = tmp_path / "checkout" / "original_ggcnn_weights" / published.PUBLISHED_NAME
+        path.parent.mkdir(parents=True)
+        return path
+
+    def test_the_retrained_network_with_a_warning_that_says_what_to_do(self, stand_in, small, maps):
+        with pytest.warns(zoo.StandInWarning, match="NOT THE PUBLISHED NETWORK") as caught:
+            loaded = load_ggcnn("published")
+        assert_same_maps(maps, small, loaded)
+        (warning,) = caught
+        for part in ("zoo:original_retrained", "curl", "epoch_29_model.hdf5", "07ed61da"):
+            assert part in str(warning.message)
+        with pytest.warns(zoo.StandInWarning):
+            assert source_path("published") == stand_in
+
+    def test_without_it_the_error_stays(self):
+        with pytest.raises(DataNotFoundError, match="curl"):
+            load_ggcnn("published")
+
+    def test_the_published_file_wins(self, stand_in, found, small, write_old_file, monkeypatch):
+        write_old_file(found, small, "2.0.8")
+        monkeypatch.setattr(published, "PUBLISHED_SHA256", reference_data.sha256_of(found))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert source_path("published") == found
+
+    def test_it_hides_no_damage(self, stand_in, found, tmp_path, monkeypatch):
+        shutil.copy(stand_in, found)
+        with pytest.raises(VerificationError, match="07ed61da"):
+            load_ggcnn("published")
+        monkeypatch.setenv("GGCNN_NET2NET_DATA", str(tmp_path / "no_such_folder"))
+        with pytest.raises(DataNotFoundError, match="correct or unset it"):
+            load_ggcnn("published")
+
+    def test_a_damaged_stand_in_is_no_stand_in(self, stand_in):
+        stand_in.write_bytes(stand_in.read_bytes()[:-1])
+        with pytest.raises(VerificationError, match="provenance"):
+            load_ggcnn("published")
+
+    def test_no_other_name_falls_back(self, stand_in):
+        with pytest.raises(ModelFileError, match=zoo.STAND_IN):
+            load_ggcnn("zoo:original")

@@ -1,17 +1,31 @@
+import io
 import json
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
+from matplotlib.figure import Figure
+from rich.console import Console
 
-from ggcnn_net2net.architecture import build_ggcnn
 from ggcnn_net2net.errors import ResultsError
-from ggcnn_net2net.model_files import PUBLISHED_SHA256, save_ggcnn
+from ggcnn_net2net.model_files import PUBLISHED_SHA256
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.reproduce.networks import load_networks
-from ggcnn_net2net.reproduce.records import COLUMNS, RecordFile
+from ggcnn_net2net.reproduce.records import COLUMNS, GraspRecord, RecordFile
+from ggcnn_net2net.reproduce.report import print_table, write_chart, write_markdown
+from ggcnn_net2net.reproduce.results import Table1, summarise, write_results
+from ggcnn_net2net.reproduce.statistics import PairedComparison
 from ggcnn_net2net.reproduce.table1 import run_table1
 from ggcnn_net2net.simulation import benchmark
+from ggcnn_net2net.simulation.scenes import SceneSettings
 from ggcnn_net2net.simulation.trial import Outcome
+from ggcnn_net2net.zoo import files
+
+
+@pytest.fixture(autouse=True)
+def empty_zoo(tmp_path, monkeypatch):
+    """What ships has no part in these tests."""
+    monkeypatch.setattr(files, "FOLDER", tmp_path / "zoo")
 
 
 @pytest.fixture
@@ -142,23 +156,122 @@ def test_a_csv_of_something_else(tmp_path, text):
         RecordFile(tmp_path / "grasps.csv").read()
 
 
-def test_networks_need_names_of_their_own():
-    with pytest.raises(ResultsError, match="different names"):
-        load_networks(["extended", "extended"])
-    with pytest.raises(ResultsError, match="none"):
-        load_networks([])
+@pytest.fixture
+def counted(objects):
+    """Function: the table of networks whose successes on 8 scenes are given as text, "1" for one and "0" for none."""
+
+    def count(*rows) -> Table1:
+        records = [
+            replace(
+                GraspRecord.lost(network.name, network.weights, objects.objects[0], pose),
+                outcome=(Outcome.SUCCESS if mark == "1" else Outcome.MISSED).value,
+                success=mark == "1",
+                in_bin=mark == "1",
+            )
+            for network, marks in rows
+            for pose, mark in enumerate(marks)
+        ]
+        return summarise([network for network, _ in rows], records, SceneSettings.of(objects, 8, 0), PAPER)
+
+    return count
 
 
-def test_a_network_for_another_image_size_is_refused(tmp_path):
-    path = save_ggcnn(build_ggcnn("shallow", input_size=120, seed=0), tmp_path / "small.hdf5")
-    with pytest.raises(ResultsError, match="120"):
-        load_networks([str(path)])
+def shown(table: Table1, width: int = 80) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    print_table(console, table)
+    return console.file.getvalue()
 
 
-def test_a_file_of_the_users_is_not_taken_for_the_papers(tmp_path):
-    path = save_ggcnn(build_ggcnn("narrow", seed=0), tmp_path / "extended.hdf5")
-    (network,) = load_networks([str(path)])
-    assert (network.name, network.parameters, network.paper) == ("extended", 4_508, None)
+def test_all_are_compared_with_the_original_and_with_the_control(original, network, counted, tmp_path):
+    control, grown = network("control", 1.0, "c" * 64), network("extended", 1.0, "e" * 64)
+    table = counted((original, "10000000"), (control, "11110000"), (grown, "01111111"), *no_weights("optimized"))
+    of_original, of_control, of_grown, of_missing = table.rows
+    assert (of_original.comparison, of_control.control_comparison) == (None, None)
+    assert (of_missing.comparison, of_missing.control_comparison) == (None, None)
+    assert of_original.control_comparison == PairedComparison(3, 0)
+    assert of_control.comparison == PairedComparison(0, 3)
+    assert of_grown.comparison == PairedComparison(1, 7)
+    assert of_grown.control_comparison == PairedComparison(1, 4)
+
+    write_results(tmp_path / "results.json", table, {}, "me", finished=True)
+    rows = json.loads((tmp_path / "results.json").read_text())["networks"]
+    assert rows[2]["against_original"] == {"only_first": 1, "only_second": 7, "mcnemar_exact_p": 0.0703125}
+    assert rows[2]["against_control"] == {"only_first": 1, "only_second": 4, "mcnemar_exact_p": 0.375}
+    assert rows[1]["against_control"] is rows[3]["against_control"] is None
+    write_markdown(tmp_path / "table1.md", table, "me", {})
+    for text in ((tmp_path / "table1.md").read_text(), shown(table)):
+        headings = [line for line in text.splitlines() if "p (control)" in line and "paper" in line]
+        (row,) = (line for line in text.splitlines() if "7/8" in line)
+        assert len(headings) == 1
+        assert row.replace("|", " ").split()[-2:] == ["0.0703", "0.375"]
+        assert "p (control): the same test against the row control" in text
+
+
+def no_weights(*names):
+    return [(network, "") for network in load_networks(names)]
+
+
+def test_without_a_control_there_is_no_column_for_it(original, network, counted, tmp_path):
+    table = counted((original, "10000000"), (network("mine", 1.0, "e" * 64), "01111111"))
+    write_markdown(tmp_path / "table1.md", table, "me", {})
+    assert "control" not in (tmp_path / "table1.md").read_text() + shown(table)
+    assert table.rows[1].control_comparison is None
+
+
+def test_a_stand_in_is_named_everywhere(original, network, counted, tmp_path):
+    stand_in = replace(network("original (stand-in)", 1.0, "5" * 64), stand_in=True, paper=original.paper)
+    table = counted((stand_in, "10000000"), (network("mine", 1.0, "e" * 64), "01111111"))
+    assert table.rows[0].comparison is None
+    assert table.rows[1].comparison == PairedComparison(1, 7)
+    write_results(tmp_path / "results.json", table, {}, "me", finished=True)
+    write_markdown(tmp_path / "table1.md", table, "me", {})
+    rows = json.loads((tmp_path / "results.json").read_text())["networks"]
+    assert [row["stand_in"] for row in rows] == [True, False]
+    note = "stand-in, trained by this project; the published file was not found"
+    assert rows[0]["note"] == note
+    for text in ((tmp_path / "table1.md").read_text(), shown(table)):
+        assert f"original (stand-in): {note}" in text
+        assert "exact test against the stand-in of the published network" in text
+
+
+def test_the_stand_in_is_what_counts_even_beside_results_of_the_published_network(original, network, counted):
+    """Both have been run in one folder: rows are compared with what is in the table."""
+    stand_in = replace(network("original (stand-in)", 1.0, "5" * 64), stand_in=True)
+    mine = network("mine", 1.0, "e" * 64)
+    table = counted((original, "11111111"), (stand_in, "00000000"), (mine, "11110000"))
+    assert table.rows[2].comparison == PairedComparison(0, 4)
+
+
+def test_a_narrow_terminal_cuts_no_numbers(original, network, counted):
+    table = counted(
+        (original, "1" * 8), (network("control", 1.0, "c" * 64), "0" * 8), (network("searched_extended", 1, "e"), "10")
+    )
+    text = shown(table, width=40)
+    assert "…" not in text
+    assert "1/2  0.500 (0.095-0.905)" in text
+    (row,) = (line for line in text.splitlines() if line.startswith(" searched_extended  "))
+    assert row.split()[-2:] == ["1", "1"]
+
+
+def test_the_names_of_seven_rows_do_not_overlap_in_the_chart(original, network, counted, tmp_path, monkeypatch):
+    drawn = []
+    save = Figure.savefig
+    monkeypatch.setattr(
+        Figure, "savefig", lambda self, *args, **kwargs: (drawn.append(self), save(self, *args, **kwargs))
+    )
+    names = ("control", "searched_extended", "searched_small", "a_network_of_the_user_with_a_long_name")
+    others = [(network(name, 1.0, name[:1] * 64), "11110000") for name in names]
+    stand_in = replace(original, name="original (stand-in)", stand_in=True)
+    table = counted((stand_in, "1" * 8), *others, *no_weights("extended", "optimized"))
+    write_chart(tmp_path / "table1.png", table)
+    (figure,) = drawn
+    figure.draw_without_rendering()  # in its own resolution again
+    labels = figure.axes[0].get_xticklabels()
+    places = [label.get_window_extent() for label in labels]
+    assert [label.get_text().splitlines()[0] for label in labels][::6] == ["original", "optimized"]
+    assert len(places) == 7
+    for left, right in pairwise(places):
+        assert left.x1 < right.x0
 
 
 def test_published_network_end_to_end(objects, tmp_path, data_root):

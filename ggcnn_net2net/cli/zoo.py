@@ -1,0 +1,85 @@
+"""`ggcnn-net2net zoo ...`: the networks that this project trained."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+FILE = click.Path(path_type=Path, exists=True, dir_okay=False)
+FOLDER = click.Path(path_type=Path, exists=True, file_okay=False)
+
+
+@click.group("zoo", context_settings={"help_option_names": ["-h", "--help"]})
+def zoo_command() -> None:
+    """Networks that this project trained, with what made them. Commands open them as zoo:NAME.
+
+    \b
+    Example: ggcnn-net2net zoo list
+    """
+
+
+@zoo_command.command("list")
+def list_command() -> None:
+    """All networks: size, IoU rate, success in simulation."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    from ggcnn_net2net import zoo
+
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("network", "parameters", "success in simulation", "IoU rate"):
+        table.add_column(heading, justify="right" if heading == "parameters" else "left")
+    for name in zoo.names():
+        facts = zoo.provenance(name)
+        sim = [f"{one['objects']} {_counts(one['success'], 'trials')}" for one in facts.get("sim", [])]
+        iou = [f"{one['protocol']} {_counts(one, 'images')}" for one in facts.get("iou", [])]
+        table.add_row(name, f"{facts['parameters']:,}", "\n".join(sim), "\n".join(iou))
+    Console().print(table)
+
+
+@zoo_command.command()
+@click.argument("name")
+def show(name: str) -> None:
+    """What made the network NAME, and what was measured of it, as JSON."""
+    import json
+
+    from ggcnn_net2net import zoo
+
+    click.echo(json.dumps(zoo.provenance(name), indent=2))
+
+
+@zoo_command.command()
+@click.argument("model_file", type=FILE)
+@click.argument("name")
+@click.option("--provenance", type=FILE, help="What made it. [default: the .json beside the model file]")
+@click.option("--results", multiple=True, type=FOLDER, help="Folder of `reproduce table1`; may be repeated.")
+@click.option("--iou", multiple=True, type=FILE, help="File of `evaluate iou -o`; may be repeated.")
+def add(model_file: Path, name: str, provenance: Path | None, results: tuple[Path, ...], iou: tuple[Path, ...]) -> None:
+    """Put MODEL_FILE into the zoo of this installation as NAME, with what was measured of it.
+
+    \b
+    Example: ggcnn-net2net zoo add extended.hdf5 extended --results results/pybullet --iou iou.json
+    """
+    import json
+
+    from ggcnn_net2net import zoo
+    from ggcnn_net2net.errors import ModelFileError
+    from ggcnn_net2net.quiet import import_tensorflow
+    from ggcnn_net2net.reference_data import sha256_of
+
+    source = provenance or model_file.with_suffix(".json")
+    try:
+        facts: dict[str, Any] = json.loads(source.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ModelFileError(f"expected what made the network in {source}, cannot read it: {error}") from error
+    facts |= zoo.measured(sha256_of(model_file), results, iou)
+    import_tensorflow()
+    click.echo(f"written to {zoo.add(model_file, facts, name)}")
+
+
+def _counts(rate: dict[str, Any], total: str) -> str:
+    low, high = rate["wilson_95"]
+    return f"{rate['successes']}/{rate[total]} = {rate['rate']:.3f} ({low:.3f}-{high:.3f})"
