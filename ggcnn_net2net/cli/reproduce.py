@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from ggcnn_net2net.cli.figures import epochs, everything, fig1, fig2, fig3
 from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED, WORKERS
 
 CRASHED = 3
@@ -22,7 +23,7 @@ def reproduce() -> None:
     """
 
 
-@reproduce.command()
+@reproduce.command(short_help="Table I: success of networks that grasp 40 objects.")
 @OBJECTS
 @click.option("--poses", default=5, show_default=True, type=click.IntRange(min=1), help="Poses of each object.")
 @SEED
@@ -94,3 +95,7 @@ def table1(
     print_table(console, table)
     console.print(f"Written to {output}: results.json, grasps.csv, table1.md, table1.png, scenes.h5", soft_wrap=True)
     return CRASHED if table.crashed else 0
+
+
+for command in (fig1, fig2, fig3, epochs, everything):
+    reproduce.add_command(command)

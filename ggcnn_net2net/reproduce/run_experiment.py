@@ -1,0 +1,272 @@
+"""Run the searches of an experiment again, and judge every network on their paths."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ggcnn_net2net.atomic import write_text
+from ggcnn_net2net.errors import ResultsError
+from ggcnn_net2net.protocol import Protocol
+from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, CurvePoint, read_points, write_points
+from ggcnn_net2net.reproduce.experiments import Curve, Experiment
+from ggcnn_net2net.reproduce.statistics import Rate
+
+if TYPE_CHECKING:
+    import keras
+
+    from ggcnn_net2net.parallel import Workers
+    from ggcnn_net2net.reproduce.networks import Network
+    from ggcnn_net2net.reproduce.table1 import Progress
+    from ggcnn_net2net.search import SearchSettings
+    from ggcnn_net2net.search.history import SearchHistory
+    from ggcnn_net2net.search.run import OnEvent
+
+RESULTS_FILE = "results.csv"
+_IOU_FILE = "iou.json"
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What all curves of a run have in common."""
+
+    data: Path
+    """HDF5 file of `dataset build`: the searches train on one split, and score on the other."""
+    budget: str = "standard"
+    """Of `search.BUDGETS`."""
+    seed: int = 0
+    """Of the searches and of the scenes in simulation."""
+    objects: str = "procedural40"
+    """Object set of the simulation."""
+    poses: int = 5
+
+
+@dataclass(frozen=True)
+class Views:
+    """Where progress is shown. Each function takes a title, and gives a context whose value is told what happens."""
+
+    search: Callable[[str], AbstractContextManager[OnEvent]] = lambda _: nullcontext(lambda _: None)
+    judging: Callable[[str], AbstractContextManager[Progress]] = lambda _: nullcontext(lambda *_: None)
+
+
+def run_experiment(
+    experiment: Experiment,
+    conditions: Conditions,
+    output: Path,
+    workers: Workers,
+    *,
+    work: Path | None = None,
+    command: str = "",
+    views: Views | None = None,
+) -> list[CurvePoint]:
+    """Search, and judge every network on the paths that the searches commit to.
+
+    An interrupted run goes on where it stopped. Results are written after every curve, and those of other curves that
+    `output` holds stay.
+
+    Args:
+        experiment: the curves, see `experiments.part_of`.
+        conditions: data, budget, seed and objects.
+        output: folder of results.csv.
+        workers: train the candidates.
+        work: folder for searches/CURVE-PROTOCOL (each a folder of `search`, with its report), simulation-PROTOCOL (a
+            folder of `table1`) and iou.json; experiments with the same one share what is equal. Default: `output`.
+        command: how the user started it, for the record.
+        views: where progress is shown.
+
+    Returns:
+        All points that `output` holds. IOU is over all test images, SCORE what the search saw on the images it selected
+        on; SIM is on the same scenes for all curves of a protocol.
+
+    Raises:
+        ResultsError: `work` holds a search with other settings, or grasps were lost to workers that died.
+        SearchError, DatasetError, ModelFileError: as `search.start_search` and `load_ggcnn`.
+    """
+    from ggcnn_net2net.reproduce.table1 import run_table1
+    from ggcnn_net2net.simulation.object_sets import load_object_set
+
+    work, views = work or output, views or Views()
+    for protocol in experiment.protocols:
+        objects = load_object_set(conditions.objects, protocol)
+        networks: list[Network] = []
+        for curve in experiment.curves:
+            title = f"{experiment.name}: {curve.name}, protocol {protocol.name}"
+            directory = work / "searches" / f"{curve.slug}-{protocol.name.lower()}"
+            with views.search(title) as on_event:
+                history = _search(curve, conditions, protocol, directory, workers, command, on_event)
+            found = _networks_of(curve, history, directory)
+            networks += found
+            with views.judging(title) as on_progress:
+                iou = _iou_rates(found, conditions.data, protocol, work / _IOU_FILE, on_progress)
+                table = run_table1(
+                    networks,
+                    objects,
+                    work / f"simulation-{protocol.name.lower()}",
+                    poses=conditions.poses,
+                    seed=conditions.seed,
+                    protocol=protocol,
+                    workers=workers.count,
+                    command=command,
+                    on_progress=on_progress,
+                )
+            if table.crashed:
+                raise ResultsError(
+                    f"{table.crashed} grasp(s) were lost because worker processes died: run the command again, it does "
+                    "only what is missing"
+                )
+            sim = [row.success for row in table.rows[-len(found) :]]
+            made = {"figure": experiment.name, "curve": curve.name, "protocol": protocol.name, "network": curve.start}
+            _keep(output / RESULTS_FILE, _points(history, found, iou, sim, conditions, made))
+    return read_points(output / RESULTS_FILE)
+
+
+def _search(
+    curve: Curve,
+    conditions: Conditions,
+    protocol: Protocol,
+    directory: Path,
+    workers: Workers,
+    command: str,
+    on_event: OnEvent,
+) -> SearchHistory:
+    """Start a search, or go on with it, and write its report."""
+    from ggcnn_net2net.search import load_history, resume_search, start_search
+    from ggcnn_net2net.search.journal import read_events
+    from ggcnn_net2net.search.report import write_report
+    from ggcnn_net2net.search.run import JOURNAL_FILE
+
+    model = _start_of(curve)
+    threads = max(1, (os.cpu_count() or 1) // workers.count)
+    settings = curve.settings(conditions.budget, protocol, conditions.seed, threads)
+    if read_events(directory / JOURNAL_FILE):
+        _check_same(load_history(directory), settings, model, conditions.data, directory)
+        history = resume_search(directory, workers, on_event=on_event)
+    else:
+        history = start_search(
+            *(model, conditions.data, settings, directory, workers),
+            name=curve.start,
+            command=command,
+            on_event=on_event,
+        )
+    write_report(history, directory / "report")
+    return history
+
+
+def _start_of(curve: Curve) -> keras.Model:
+    """The network that a search starts from."""
+    from ggcnn_net2net.reproduce.networks import load_networks
+
+    (network,) = load_networks([curve.network])
+    if network.model is None or network.stand_in:
+        raise ResultsError(
+            f"expected the network {curve.network}, from which the curve {curve.name} starts: {network.note}; name the "
+            "one that you mean, such as --network zoo:original_retrained"
+        )
+    return network.model
+
+
+def _check_same(
+    begun: SearchHistory, settings: SearchSettings, model: keras.Model, data: Path, directory: Path
+) -> None:
+    """Refuse to go on with a search of another kind. The number of threads may differ: it stays what it was."""
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.search.candidates import root_candidate
+    from ggcnn_net2net.training.checkpoint import fingerprint_of
+
+    train, test = (GraspDataset(data, split).fingerprint for split in ("train", "test"))
+    same = {
+        "settings": replace(begun.settings, threads=settings.threads) == settings,
+        "network or train images": begun.root == root_candidate(fingerprint_of(model), train).key,
+        "test images": begun.data["test"] == test,
+    }
+    others = [name for name, is_same in same.items() if not is_same]
+    if others:
+        raise ResultsError(
+            f"expected to go on with the search in {directory} as it was begun, received other {' and '.join(others)}: "
+            "choose another --output"
+        )
+
+
+def _networks_of(curve: Curve, history: SearchHistory, directory: Path) -> list[Network]:
+    """The networks that the search committed to, from the root on."""
+    from ggcnn_net2net.model_files import load_ggcnn
+    from ggcnn_net2net.reference_data import sha256_of
+    from ggcnn_net2net.reproduce.networks import Network
+    from ggcnn_net2net.search.trainer import model_file
+
+    found = []
+    for candidate, _ in history.path:
+        path = model_file(directory, candidate.key)
+        model = load_ggcnn(path)
+        name = f"{curve.name}, {candidate.depth}"
+        file = str(path.relative_to(directory))
+        found.append(Network(name, candidate.architecture, model.count_params(), file, sha256_of(path), model))
+    return found
+
+
+def _iou_rates(
+    networks: Sequence[Network], data: Path, protocol: Protocol, known_file: Path, on_progress: Progress
+) -> list[Rate]:
+    """IoU rates over all test images; those that `known_file` holds are not computed again."""
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.inference.iou_rate import iou_rate_of
+
+    test = GraspDataset(data, "test")
+    known: dict[str, list[int]] = json.loads(known_file.read_text(encoding="utf-8")) if known_file.is_file() else {}
+    rates: list[Rate] = []
+    for network in networks:
+        on_progress("IoU rate", len(rates), len(networks))
+        key = f"{network.sha256} {test.fingerprint} {protocol.name}"
+        if key not in known:
+            rate = iou_rate_of(network.model, test, protocol)
+            known[key] = [rate.successes, rate.total]
+            write_text(known_file, json.dumps(known, indent=1) + "\n")
+        rates.append(Rate(*known[key]))
+    on_progress("IoU rate", len(rates), len(networks))
+    return rates
+
+
+def _points(
+    history: SearchHistory,
+    networks: Sequence[Network],
+    iou: Sequence[Rate],
+    sim: Sequence[Rate],
+    conditions: Conditions,
+    made: dict[str, Any],
+) -> Iterator[CurvePoint]:
+    """Three points for each network of the path; `made` says of which curve they are."""
+    images = f"{conditions.data.name} ({history.data['test'][:8]})"
+    before = 0
+    for (candidate, score), network, iou_rate, sim_rate in zip(history.path, networks, iou, sim, strict=True):
+        facts = {
+            **made,
+            "seed": conditions.seed,
+            "budget": conditions.budget,
+            "depth": candidate.depth,
+            "parameters": network.parameters,
+            "architecture": network.architecture,
+            "operation": ", ".join(candidate.operations[before:]) or candidate.operation,
+        }
+        before = len(candidate.operations)
+        yield CurvePoint(**facts, metric=SCORE, value=score, successes=None, trials=None, objects=images)
+        yield _counted(facts, IOU, iou_rate, images)
+        yield _counted(facts, SIM, sim_rate, f"{conditions.objects}, {conditions.poses} pose(s) each")
+
+
+def _counted(facts: dict[str, Any], metric: str, rate: Rate, objects: str) -> CurvePoint:
+    return CurvePoint(
+        **facts, metric=metric, value=rate.value, successes=rate.successes, trials=rate.trials, objects=objects
+    )
+
+
+def _keep(path: Path, points: Iterator[CurvePoint]) -> None:
+    """Put the points of a curve into the results, instead of earlier ones of the same curve."""
+    new = list(points)
+    replaced = {(point.curve, point.protocol) for point in new}
+    old = read_points(path) if path.is_file() else []
+    write_points(path, [*(point for point in old if (point.curve, point.protocol) not in replaced), *new])

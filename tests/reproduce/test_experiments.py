@@ -1,0 +1,291 @@
+"""The experiments as a table, and one of them run for real on a few small images."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ggcnn_net2net.cli import figures
+from ggcnn_net2net.errors import ResultsError
+from ggcnn_net2net.grasping import IouRate
+from ggcnn_net2net.protocol import CORRECTED, PAPER
+from ggcnn_net2net.reproduce import run_experiment as run_experiment_module
+from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, read_points, write_points
+from ggcnn_net2net.reproduce.experiments import EXPERIMENTS, Curve, Experiment, part_of
+from ggcnn_net2net.reproduce.run_experiment import Conditions, run_experiment
+from ggcnn_net2net.search import load_history
+
+FIG2 = EXPERIMENTS["fig2"]
+SIZE = 300
+
+
+def settings_of(name, budget="standard"):
+    curves = {curve.name: curve for experiment in EXPERIMENTS.values() for curve in experiment.curves}
+    return curves[name].settings(budget, PAPER, seed=3, threads=2)
+
+
+def test_the_searches_are_the_papers():
+    for experiment in EXPERIMENTS.values():
+        for curve in experiment.curves:
+            settings = curve.settings("paper", CORRECTED, seed=0, threads=1)
+            assert (settings.width, settings.depth, settings.heuristic) == (3, 5, "iou")
+            assert settings.recipe.images_per_epoch is settings.score_images is None
+            assert settings.protocol == CORRECTED
+    assert settings_of("e=2 r=8").retrain == 8
+    assert settings_of("e=2 transpose").transpose
+    assert not settings_of("e=2 no lookahead").lookahead
+    assert settings_of("narrow").transpose
+    assert settings_of("shallow").transpose
+    assert settings_of("e=10").recipe.epochs == 10
+    assert settings_of("e=2") == replace(settings_of("e=2 r=8"), retrain=0)
+    assert (settings_of("e=2").recipe.images_per_epoch, settings_of("e=2").score_images) == (1500, 500)
+    assert (settings_of("e=2").seed, settings_of("e=2").threads) == (3, 2)
+
+
+def test_folders_of_curves_differ():
+    curves = {curve for experiment in EXPERIMENTS.values() for curve in experiment.curves}
+    assert len({curve.slug for curve in curves}) == len(curves)
+    assert Curve("e=2 no lookahead").slug == "e2-no-lookahead"
+
+
+def test_part_of_an_experiment():
+    part = part_of(FIG2, curves=["e=2"], protocols=[PAPER], networks={"e=2": "mine.hdf5"})
+    assert part.curves == (Curve("e=2", network="mine.hdf5"),)
+    assert part.protocols == (PAPER,)
+    assert part_of(FIG2) == FIG2
+    for unknown in ({"curves": ["e=3"]}, {"networks": {"e=3": "x"}}):
+        with pytest.raises(ResultsError, match=r"e=2 r=8.*received e=3"):
+            part_of(FIG2, **unknown)
+
+
+@pytest.fixture(scope="module")
+def conditions(tmp_path_factory):
+    """Five images to train on, three to score: boxes on a plane."""
+    from ggcnn_net2net.datasets.augmentation import Sample
+    from ggcnn_net2net.datasets.hdf5 import DatasetWriter
+    from ggcnn_net2net.datasets.label_maps import draw_label_maps
+    from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle
+
+    path = tmp_path_factory.mktemp("dataset") / "boxes.h5"
+    random = np.random.default_rng(0)
+    with DatasetWriter(path, {"source": "boxes"}) as writer:
+        for number in range(8):
+            row, col = random.integers(60, SIZE - 60, 2)
+            depth = random.normal(0, 0.002, (SIZE, SIZE)).astype(np.float32)
+            depth[row - 40 : row + 40, col - 15 : col + 15] -= 0.2
+            rectangles = np.array([grasp_to_rectangle(Grasp(float(row), float(col), 0.0, 60.0))])
+            maps = draw_label_maps(rectangles, (SIZE, SIZE))
+            rgb = np.zeros((SIZE, SIZE, 3), np.uint8)
+            sample = Sample(f"box{number}", depth - depth.mean(), rgb, rectangles, maps)
+            writer.add("train" if number < 5 else "test", sample)
+    return Conditions(path, "quick", objects="training:1", poses=1)
+
+
+@pytest.fixture(scope="module")
+def ran(conditions, tmp_path_factory):
+    """An experiment of two short searches, run for real: (experiment, folder, points)."""
+    from ggcnn_net2net.architecture import build_ggcnn
+    from ggcnn_net2net.model_files import save_ggcnn
+    from ggcnn_net2net.parallel import LocalWorkers
+
+    folder = tmp_path_factory.mktemp("ran")
+    network = str(save_ggcnn(build_ggcnn("C5x5x2_T5x5x2", seed=0), folder / "tiny.hdf5"))
+    short = Curve("short", network, epochs=1, width=1, depth=1)
+    experiment = Experiment("tiny", "Tiny", (short, replace(short, name="short r=1", retrain=1)))
+    with LocalWorkers(2) as workers:
+        points = run_experiment(experiment, conditions, folder / "out", workers, command="me")
+    return experiment, folder / "out", points
+
+
+@pytest.mark.slow
+def test_a_run_judges_every_network_of_the_paths(ran, conditions):
+    _, folder, points = ran
+    assert points == read_points(folder / "results.csv")
+    places = {(point.curve, point.metric, point.depth) for point in points}
+    assert places == {(c, m, d) for c in ("short", "short r=1") for m in (IOU, SIM, SCORE) for d in (0, 1)}
+    assert len(points) == len(places)
+    history = load_history(folder / "searches" / "short-r1-paper")
+    assert history.finished
+    assert (folder / "searches" / "short-r1-paper" / "report" / "tree.svg").is_file()
+    mine = {(point.metric, point.depth): point for point in points if point.curve == "short r=1"}
+    for candidate, score in history.path:
+        assert mine[SCORE, candidate.depth].value == score
+        assert mine[IOU, candidate.depth].parameters == candidate.parameters
+    assert mine[SIM, 0].operation == "root"
+    assert mine[SIM, 1].operation.endswith("(1), retrain(1)")  # deeper or wider of a layer, and further training
+    assert mine[IOU, 1].trials == 3
+    assert (mine[SIM, 1].trials, mine[SIM, 1].objects) == (1, "training:1, 1 pose(s) each")
+    facts = {(point.figure, point.network, point.budget, point.seed, point.protocol) for point in points}
+    assert facts == {("tiny", "tiny.hdf5", "quick", 0, "PAPER")}
+    # All test images scored the candidates at this budget, so both counts are the same.
+    assert mine[IOU, 1].value == pytest.approx(mine[SCORE, 1].value)
+
+
+@pytest.mark.slow
+def test_a_second_run_does_nothing_twice(ran, conditions, monkeypatch):
+    """By the command this time, with another number of workers, so other threads."""
+    experiment, folder, points = ran
+    files = [folder / "iou.json", folder / "simulation-paper" / "grasps.csv"]
+    files += [folder / "searches" / name / "journal.jsonl" for name in ("short-paper", "short-r1-paper")]
+    before = [file.read_bytes() for file in files]
+    assert len(json.loads(before[0])) == 3  # the networks of both paths: they have the first in common
+    other = replace(points[0], curve="other")
+    write_points(folder / "results.csv", [*points, other])  # another curve's results, from an earlier run
+    monkeypatch.setitem(EXPERIMENTS, "fig2", experiment)
+    same = ("--budget", "quick", "--objects", "training:1", "--poses", 1)
+    shown = call(figures.fig2, "--run", "--data", conditions.data, "-o", folder, "--workers", 1, *same)
+    assert [file.read_bytes() for file in files] == before
+    assert sorted(read_points(folder / "results.csv"), key=repr) == sorted([*points, other], key=repr)
+    assert f"Our numbers: {folder / 'results.csv'}." in shown
+    assert "short r=1, protocol PAPER" in shown
+    assert "retrain(1)" in (folder / "tiny.md").read_text()
+
+
+def test_every_network_gets_its_own_rates(conditions, objects, network, tmp_path, monkeypatch):
+    """Two curves that begin alike: one network finds every grasp, another none."""
+    paths = {"up": (0, 60.0), "down": (0, 60.0, 1)}  # openings in pixels; 0: sees nothing
+
+    def candidate(depth):
+        operations = ("deeper(1)", "wider(2)")[:depth]
+        return SimpleNamespace(depth=depth, operations=operations, operation=operations[-1] if depth else "root")
+
+    def search(curve, *_):
+        path = [(candidate(depth), depth / 10) for depth in range(len(paths[curve.name]))]
+        return SimpleNamespace(path=path, data={"test": "0123456789"})
+
+    def networks_of(curve, *_):
+        return [
+            network(f"{curve.name}, {n}", opening, str(opening).ljust(64, "x"))
+            for n, opening in enumerate(paths[curve.name])
+        ]
+
+    def iou_rate_of(opening, test, protocol):
+        return IouRate((None,) * 3, (opening == 60.0, opening == 60.0, False))
+
+    monkeypatch.setattr(run_experiment_module, "_search", search)
+    monkeypatch.setattr(run_experiment_module, "_networks_of", networks_of)
+    monkeypatch.setattr("ggcnn_net2net.inference.iou_rate.iou_rate_of", iou_rate_of)
+    monkeypatch.setattr("ggcnn_net2net.simulation.object_sets.load_object_set", lambda *_: objects)
+    experiment = Experiment("two", "Two", (Curve("up"), Curve("down")))
+    points = run_experiment(experiment, conditions, tmp_path, SimpleNamespace(count=2))
+    found = {(point.curve, point.depth, point.metric): point for point in points}
+    assert len(found) == len(points) == 5 * 3
+    for curve, openings in paths.items():
+        for depth, opening in enumerate(openings):
+            iou, sim, score = (found[curve, depth, metric] for metric in (IOU, SIM, SCORE))
+            assert (iou.successes, iou.trials) == (2 if opening == 60.0 else 0, 3)
+            assert (sim.successes >= 2) == (opening == 60.0)
+            assert sim.trials == 3
+            assert score.value == depth / 10
+            assert (iou.operation, iou.objects) == (["root", "deeper(1)", "wider(2)"][depth], "boxes.h5 (01234567)")
+
+
+def test_no_other_network_takes_the_place_of_the_published_one(conditions, tmp_path, monkeypatch):
+    from ggcnn_net2net.reproduce import networks
+
+    stand_in = networks.Network("original (stand-in)", "C1x1x1", 17, model=object(), stand_in=True)
+    monkeypatch.setattr(networks, "load_networks", lambda _: [stand_in])
+    with pytest.raises(ResultsError, match=r"published.*--network zoo:original_retrained"):
+        run_experiment(part_of(FIG2, curves=["e=2"]), conditions, tmp_path, None)
+
+
+@pytest.mark.slow
+def test_another_experiment_is_not_continued(ran, conditions):
+    from ggcnn_net2net.parallel import LocalWorkers
+
+    experiment, folder, _ = ran
+    with (
+        LocalWorkers(1) as workers,
+        pytest.raises(ResultsError, match=r"received other settings: choose another --output"),
+    ):
+        run_experiment(experiment, replace(conditions, seed=1), folder, workers)
+
+
+def call(command, *arguments):
+    result = CliRunner().invoke(command, [str(part) for part in arguments], standalone_mode=False)
+    if result.exception:
+        raise result.exception
+    return result.output
+
+
+def test_a_figure_from_shipped_results(tmp_path):
+    for command in (figures.fig2, figures.fig3, figures.epochs):
+        shown = call(command, "-o", tmp_path / command.name)
+        assert "results that ship with the package" in shown
+        for suffix in (".png", ".md", ".csv"):
+            assert (tmp_path / command.name / f"{command.name}{suffix}").stat().st_size > 0
+
+
+@pytest.fixture
+def asked(monkeypatch, tmp_path):
+    """Part of an experiment and conditions that a command line asks for, by experiment; nothing is run."""
+    found = {}
+
+    def run(experiment, conditions, output, workers, *, work, **_):
+        found[experiment.name] = (experiment, conditions, output, work)
+
+    monkeypatch.setattr("ggcnn_net2net.reproduce.run_experiment.run_experiment", run)
+    monkeypatch.chdir(tmp_path)
+    return found
+
+
+def test_what_the_options_ask_for(asked):
+    options = ("--run", "--data", "my.h5", "--workers", 1)
+    call(figures.fig2, *options, "--budget", "quick", "--network", "a.hdf5", "--curves", "e=2, e=2 r=8", "--seed", 4)
+    experiment, conditions, output, work = asked["fig2"]
+    assert [(curve.name, curve.network) for curve in experiment.curves] == [("e=2", "a.hdf5"), ("e=2 r=8", "a.hdf5")]
+    assert experiment.protocols == (PAPER, CORRECTED)
+    assert (str(conditions.data), conditions.budget, conditions.seed) == ("my.h5", "quick", 4)
+    assert (conditions.objects, conditions.poses) == ("procedural40", 5)
+    assert (str(output), work) == ("results/fig2", None)
+    call(figures.fig3, *options, "--networks", "narrow=n.hdf5", "--protocol", "corrected", "-o", "mine")
+    experiment, _, output, _ = asked["fig3"]
+    assert [curve.network for curve in experiment.curves] == ["n.hdf5", "zoo:shallow"]
+    assert experiment.protocols == (CORRECTED,)
+    assert str(output) == "mine"
+
+
+def test_all_runs_a_search_of_two_figures_once(asked, monkeypatch):
+    import click
+
+    from ggcnn_net2net.cli import reproduce
+
+    monkeypatch.setattr(reproduce, "table1", click.Command("table1", callback=lambda: 3))
+    monkeypatch.setattr(figures, "fig1", click.Command("fig1", callback=lambda: None))
+    result = CliRunner().invoke(
+        figures.everything, ["--run", "--data", "my.h5", "--workers", "1"], standalone_mode=False
+    )
+    assert result.return_value == 3  # grasps were lost
+    assert set(asked) == {"fig2", "fig3", "epochs"}
+    assert {str(work) for _, _, _, work in asked.values()} == {"results/runs"}
+    assert "e=2" in {curve.name for curve in asked["epochs"][0].curves}
+
+
+@pytest.mark.parametrize(
+    ("command", "options", "message"),
+    [
+        (figures.fig2, ["--run"], "needs --data"),
+        (figures.everything, ["--run"], "needs --data"),
+        (figures.fig3, ["--networks", "narrow"], "CURVE=MODEL"),
+    ],
+)
+def test_wrong_usage(command, options, message):
+    result = CliRunner().invoke(command, options)
+    assert result.exit_code == 2
+    assert message in result.output
+
+
+def test_help_does_not_wait_for_tensorflow():
+    code = (
+        "import sys; from ggcnn_net2net.cli.figures import *; "
+        "fig2.main(['--help'], standalone_mode=False); "
+        "print(sorted({'tensorflow', 'keras', 'matplotlib', 'h5py', 'pybullet'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "--curves" in done.stdout
+    assert done.stdout.strip().endswith("[]")
