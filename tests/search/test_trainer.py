@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from ggcnn_net2net.parallel import LocalWorkers
 from ggcnn_net2net.protocol import CORRECTED
 from ggcnn_net2net.search import SearchSettings, load_history, resume_search, start_search
 from ggcnn_net2net.search.heuristics import prepare_simulation, score
+from ggcnn_net2net.search.journal import read_events
 from ggcnn_net2net.search.trainer import checkpoint_dir, model_file
 from ggcnn_net2net.simulation.benchmark import prepare_scenes, run_trials
 from ggcnn_net2net.simulation.object_sets import load_object_set
@@ -121,47 +123,48 @@ def test_a_cluster_that_loses_a_worker_in_mid_training(undisturbed, model, datas
 
 
 @pytest.mark.slow
-def test_kill_9_at_20_random_moments(undisturbed, model, dataset, tmp_path):
-    """Five searches, each killed four times, the workers with it or not; all end with the same bits."""
-    moments = random.Random(0)
-    trained = []
-    for number in range(5):
-        directory = tmp_path / str(number)
+def test_kill_9_at_20_random_moments(undisturbed, dataset, tmp_path):
+    """Five searches, each killed four times, the worker with it or not; all end with the same bits."""
+
+    def search_with_kills(number):
+        moments = random.Random(number)
+        trained = []
         for _ in range(4):
-            kill_at(directory, dataset, moments)
-            trained.append(count_scored(directory))
-        with LocalWorkers(2) as workers:
-            resume_search(directory, workers)
-        assert outcome_of(directory) == undisturbed
+            kill_at(tmp_path / str(number), dataset, moments)
+            trained.append(count_scored(tmp_path / str(number)))
+        with LocalWorkers(1) as workers:
+            resume_search(tmp_path / str(number), workers)
+        return trained, outcome_of(tmp_path / str(number))
+
+    with ThreadPoolExecutor(2) as side_by_side:
+        results = list(side_by_side.map(search_with_kills, range(5)))
+    assert [outcome for _, outcome in results] == [undisturbed] * 5
     # The kills fell into the search, and not before or after it.
-    assert len({count for count in trained if 0 < count < len(undisturbed["scores"])}) >= 4
+    trained = {count for counts, _ in results for count in counts}
+    assert len({count for count in trained if 0 < count < len(undisturbed["scores"])}) >= 6
 
 
 def kill_at(directory: Path, dataset: Path, moments: random.Random) -> None:
-    """Start the search, or go on with it, and kill it soon after the first training has begun."""
+    """Start the search, or go on with it, and kill it some candidates later."""
     script = Path(__file__).with_name("search_data.py")
-    command = [sys.executable, str(script), str(directory), str(dataset), json.dumps(SMALL.as_dict()), "2"]
-    before = newest_checkpoint(directory)
+    command = [sys.executable, str(script), str(directory), str(dataset), json.dumps(SMALL.as_dict()), "1"]
+    enough = count_scored(directory) + moments.randint(1, 4)
     process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 120
-    while newest_checkpoint(directory) == before and process.poll() is None:
+    deadline = time.monotonic() + 300
+    while count_scored(directory) < enough and process.poll() is None:
         assert time.monotonic() < deadline
-        time.sleep(0.01)
-    time.sleep(moments.uniform(0, 3))
+        time.sleep(0.05)
+    time.sleep(moments.uniform(0, 1))
     if moments.random() < 0.5:
         os.killpg(process.pid, signal.SIGKILL)
     else:
-        process.kill()  # its workers notice by themselves
+        process.kill()  # its worker notices by itself
     process.wait()
 
 
-def newest_checkpoint(directory: Path) -> float:
-    files = [file for pattern in ("*.hdf5", "*/checkpoint.npz") for file in directory.glob(f"candidates/*/{pattern}")]
-    return max((file.stat().st_mtime for file in files if file.exists()), default=0)
-
-
 def count_scored(directory: Path) -> int:
-    return sum(one.comparable for one in load_history(directory).candidates.values())
+    events = read_events(directory / "journal.jsonl")
+    return sum(event["event"] == "scored" for event in events)
 
 
 @pytest.mark.slow
