@@ -61,3 +61,15 @@ class SearchError(GGCNNError):
 
 class ResultsError(GGCNNError):
     """A results folder that is damaged or belongs to another experiment."""
+
+
+class DepthImageError(GGCNNError):
+    """A depth image, its unit or its camera's intrinsics that cannot be used."""
+
+
+class ExportError(GGCNNError):
+    """An export that cannot be made, or that does not compute what the Keras model computes."""
+
+
+class MissingExtraError(GGCNNError):
+    """An optional dependency that is not installed; the message names the extra that brings it."""

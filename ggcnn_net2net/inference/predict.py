@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ggcnn_net2net.grasping import RSS_2018, Decoding, Grasp, decode_maps
+from ggcnn_net2net.inference.network import compiled_network
 
 if TYPE_CHECKING:
     import keras
@@ -24,11 +25,9 @@ def predict_maps(model: keras.Model, inputs: Iterable[npt.NDArray[np.floating]])
     Yields:
         (4, H, W): quality, cos 2θ, sin 2θ, width / 150 px.
     """
-    import tensorflow as tf
-
-    network = tf.function(lambda image: tf.stack(model(image, training=False), axis=0), reduce_retracing=True)
+    network = compiled_network(model)
     for image in inputs:
-        yield network(image[None, ..., None].astype(np.float32)).numpy()[:, 0, ..., 0]
+        yield network(image[None])[0]
 
 
 def predict_grasps(

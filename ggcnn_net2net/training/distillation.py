@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ggcnn_net2net.errors import TrainingError
+from ggcnn_net2net.fast_graph import fast_graph
 from ggcnn_net2net.training.checkpoint import fingerprint_of
 from ggcnn_net2net.training.data import Batch, TrainingData
-from ggcnn_net2net.training.fast_graph import fast_graph
 
 if TYPE_CHECKING:
     import keras

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ggcnn_net2net.training.fast_graph import fast_graph
+from ggcnn_net2net.fast_graph import fast_graph
 from ggcnn_net2net.training.losses import HeadLosses
 
 if TYPE_CHECKING:
