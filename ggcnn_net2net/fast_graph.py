@@ -35,23 +35,30 @@ def fast_graph(model: keras.Model) -> Maps:
     import tensorflow as tf
 
     heads = [tensor._keras_history.operation for tensor in model.outputs]
-    if not _are_of_one_form(heads):
+    features = [_input_of(tensor) for tensor in model.outputs]
+    if len({id(one) for one in features}) > 1 or not _are_of_one_form(heads):
         return lambda images, training: tf.concat(model(images, training=training), axis=-1)
-    body = keras.Model(model.inputs, heads[0].input)
+    body = keras.Model(model.inputs, features[0])
 
     def maps(images: tf.Tensor, training: bool) -> tf.Tensor:
-        features = body(images, training=training)
+        below = body(images, training=training)
         kernel = tf.concat([head.kernel for head in heads], axis=-1)
         return tf.nn.bias_add(
-            tf.nn.conv2d(features, kernel, strides=1, padding=heads[0].padding.upper()),
+            tf.nn.conv2d(below, kernel, strides=1, padding=heads[0].padding.upper()),
             tf.concat([head.bias for head in heads], axis=0),
         )
 
     return maps
 
 
+def _input_of(output: Any) -> Any:
+    """What the layer of an output reads; `layer.input` would not do, as a layer may be part of other models, too."""
+    history = output._keras_history
+    return history.operation._inbound_nodes[history.node_index].input_tensors[0]
+
+
 def _are_of_one_form(heads: list[Any]) -> bool:
-    """Whether the heads are linear convolutions of the same tensor that differ in nothing but their weights."""
+    """Whether the heads are linear convolutions that differ in nothing but their weights."""
     import keras
 
     plain = {
@@ -66,5 +73,5 @@ def _are_of_one_form(heads: list[Any]) -> bool:
     return (
         all(type(head) is keras.layers.Conv2D and head.compute_dtype == head.variable_dtype for head in heads)
         and all(head.get_config()[name] == value for head in heads for name, value in plain.items())
-        and len({(id(head.input), head.kernel_size, head.padding, head.compute_dtype) for head in heads}) == 1
+        and len({(head.kernel_size, head.padding, head.compute_dtype) for head in heads}) == 1
     )

@@ -101,3 +101,12 @@ def test_heads_of_different_tensors_run_as_they_are():
         ],
     )
     assert count(model, "Conv2D") == 8
+
+
+def test_heads_that_another_model_has_used_first_are_those_of_this_model(images):
+    model = network("narrow")
+    below = keras.Model(model.inputs, model.layers[-5].output)
+    halved = keras.Input((SIZE, SIZE, 1))
+    other = keras.Model(halved, [head(below(halved * 0.5)) for head in model.layers[-4:]])
+    expected = np.concatenate([output.numpy() for output in other(images[0])], axis=-1)
+    np.testing.assert_allclose(fast_graph(other)(tf.constant(images[0]), False).numpy(), expected, atol=1e-6)

@@ -119,13 +119,13 @@ def run(model: str, dataset: Path, directory: Path, workers: int | None, schedul
     settings = _settings(**options)
     size = GraspDataset(dataset, "train").shape[0]
     import_tensorflow()
-    network = open_network(model, size, settings.seed)
+    network, name = open_network(model, size, settings.seed)
     command = shlex.join(["ggcnn-net2net", *sys.argv[1:]])
     _watch(
         directory,
         _workers(scheduler, workers or cores),
         lambda pool, on_event: start_search(
-            network, dataset, settings, directory, pool, name=model, command=command, on_event=on_event
+            network, dataset, settings, directory, pool, name=name, command=command, on_event=on_event
         ),
     )
 

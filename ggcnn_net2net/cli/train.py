@@ -125,7 +125,7 @@ def train_command(
     stages = stages_of(recipe, operations, final_epochs)
     import_tensorflow()
     set_threads(threads)
-    model = open_network(network, stored.shape[0], seed)
+    model, name = open_network(network, stored.shape[0], seed)
     checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
     console = Console()
     try:
@@ -145,7 +145,7 @@ def train_command(
         click.echo(f"Finished epochs are kept in {checkpoint_dir}: the same command goes on from there.", err=True)
         raise
     save_ggcnn(result.model, output)
-    facts = {"network": network, "threads": threads, "fresh_augmentations": scenes is not None}
+    facts = {"network": name, "threads": threads, "fresh_augmentations": scenes is not None}
     _write_records(output, result, recipe, stored, facts, stages if is_staged(operations) else [])
     console.print(_table(result))
     click.echo(f"written to {output}, with .csv, .png and .json beside it")

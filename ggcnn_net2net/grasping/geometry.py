@@ -32,12 +32,26 @@ class Grasp:
 
 
 def wrap_angle(angle: float) -> float:
-    """The same closing direction in [-π/2, π/2), radians."""
+    """The same closing direction in [-π/2, π/2), radians.
+
+    Args:
+        angle: radians, any number of turns.
+
+    Returns:
+        The angle plus a multiple of π.
+    """
     return float((angle + np.pi / 2) % np.pi - np.pi / 2)
 
 
 def closing_angles(rectangles: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Closing directions of rectangles (n, 4, 2), (n,) radians in [-π/2, π/2); 0 where edge 0-1 has no length."""
+    """Closing directions of rectangles (n, 4, 2), (n,) radians in [-π/2, π/2); 0 where edge 0-1 has no length.
+
+    Args:
+        rectangles: (n, 4, 2) corners (row, col) in pixels, the closing direction along the edge 0-1.
+
+    Returns:
+        (n,) radians, counter-clockwise from the column axis.
+    """
     start, end = rectangles[:, 0], rectangles[:, 1]
     return (np.arctan2(start[:, 0] - end[:, 0], end[:, 1] - start[:, 1]) + np.pi / 2) % np.pi - np.pi / 2
 

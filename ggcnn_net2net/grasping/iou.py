@@ -84,6 +84,9 @@ def iou_rate(
             direction. k may differ and be 0. Rectangles with NaN, as a few of Cornell's files have, are left out.
         wrapped_angle_difference: field of `Protocol`: compare directions modulo π both ways, or as published.
 
+    Returns:
+        Whether each image is a success, and their share.
+
     Raises:
         GraspError: another number of images in `grasps` than in `rectangles`, rectangles of another shape or millions
             of pixels away, or a grasp that is not finite.
@@ -107,7 +110,16 @@ def iou_rate(
 
 
 def iou_success(grasp: Grasp | None, rectangles: npt.ArrayLike, *, wrapped_angle_difference: bool) -> bool:
-    """Whether `grasp` matches one of an image's (k, 4, 2) rectangles: `iou_rate` for one image."""
+    """Whether `grasp` matches one of an image's (k, 4, 2) rectangles: `iou_rate` for one image.
+
+    Args:
+        grasp: in pixels; None where the network saw none.
+        rectangles: (k, 4, 2) corners (row, col), edge 0-1 in the closing direction.
+        wrapped_angle_difference: as of `iou_rate`.
+
+    Returns:
+        Whether one of them matches.
+    """
     return iou_rate([grasp], [rectangles], wrapped_angle_difference=wrapped_angle_difference).success[0]
 
 
@@ -135,6 +147,12 @@ def grasp_iou(a: npt.ArrayLike, b: npt.ArrayLike, *, wrapped_angle_difference: b
 
 def published_rectangle(grasp: Grasp) -> FloatArray:
     """(4, 2) corners of a predicted grasp as the public code judges it: half as high as long, fractions cut off.
+
+    Args:
+        grasp: in pixels.
+
+    Returns:
+        (4, 2) corners (row, col), whole numbers as floats.
 
     Raises:
         GraspError: a grasp that is not finite.

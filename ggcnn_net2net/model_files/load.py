@@ -11,8 +11,9 @@ from ggcnn_net2net import reference_data, zoo
 from ggcnn_net2net.errors import DataNotFoundError, ModelFileError
 from ggcnn_net2net.model_files import hdf5, keras_archive, torch_ggcnn
 from ggcnn_net2net.model_files.check import check_ggcnn
-from ggcnn_net2net.model_files.published import published_weights
+from ggcnn_net2net.model_files.published import PUBLISHED_SHA256, published_weights
 from ggcnn_net2net.model_files.stored_model import StoredModel
+from ggcnn_net2net.reference_data import sha256_of
 
 if TYPE_CHECKING:
     import keras
@@ -74,6 +75,21 @@ def source_path(source: str | Path) -> Path:
             f'expected a model file, {PUBLISHED!r} or "{zoo.PREFIX}NAME", received {name!r}, which is no file'
         )
     return path
+
+
+def opened_name(source: str | Path, path: Path) -> str:
+    """How records name what was opened.
+
+    Args:
+        source: as the user said it.
+        path: what `source_path` made of it.
+
+    Returns:
+        `source`; "zoo:..." where the stand-in took the place of the published network.
+    """
+    if str(source) == PUBLISHED and sha256_of(path) != PUBLISHED_SHA256:
+        return f"{zoo.PREFIX}{zoo.STAND_IN}"
+    return str(source)
 
 
 def _published_or_stand_in() -> Path:

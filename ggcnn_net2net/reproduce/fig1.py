@@ -11,8 +11,9 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from ggcnn_net2net.atomic import replacing
-from ggcnn_net2net.grasping import RSS_2018, Grasp, decode_maps, grasp_to_rectangle
+from ggcnn_net2net.grasping import RSS_2018, Grasp, decode_maps
 from ggcnn_net2net.inference import predict_maps
+from ggcnn_net2net.inference.drawing import draw_grasp
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.gripper import Gripper
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 FloatMap = npt.NDArray[np.floating]
 
-_JAW, _OPENING = "#ff3b30", "#ffc800"
+_RED = "#ff3b30"
 _HOVER = 0.06  # metres between the fingertips and where they will go
 _WAITING = 0.4  # metres above the plane, without a grasp
 
@@ -126,10 +127,10 @@ def draw(path: Path, prediction: Prediction, network: str, protocol: Protocol) -
     _map(depth, seen, "depth [m] and best grasp", "gray", (float(seen.min()), float(seen.max())))
     grasp, caption = prediction.grasp, "no grasp"
     if grasp is None:
-        depth.set_title("depth [m]: no grasp", fontsize=10, color=_JAW, weight="bold")
+        depth.set_title("depth [m]: no grasp", fontsize=10, color=_RED, weight="bold")
     else:
-        quality.plot(grasp.col, grasp.row, "+", color=_JAW, markersize=12, markeredgewidth=1.5)
-        _box(depth, grasp)
+        quality.plot(grasp.col, grasp.row, "+", color=_RED, markersize=12, markeredgewidth=1.5)
+        draw_grasp(depth, grasp)
         caption = (
             f"angle {np.degrees(grasp.angle):.0f}°, width {grasp.width_px:.0f} px, quality {grasp.quality:.2f}; "
             f"trial: {prediction.outcome}"
@@ -147,18 +148,3 @@ def _map(axes: Any, values: FloatMap, title: str, colours: str, limits: tuple[fl
     axes.set_xticks([])
     axes.set_yticks([])
     return axes.figure.colorbar(image, ax=axes, fraction=0.046, pad=0.03)
-
-
-def _box(axes: Any, grasp: Grasp) -> None:
-    """The grasp rectangle; the edges where the fingers go down are bold."""
-    corners = grasp_to_rectangle(grasp)
-    for start in range(4):
-        (row, col), (end_row, end_col) = corners[start], corners[(start + 1) % 4]
-        jaw = start % 2 == 1  # edges 1-2 and 3-0; 0-1 is the closing direction
-        axes.plot(
-            (col, end_col),
-            (row, end_row),
-            color=_JAW if jaw else _OPENING,
-            linewidth=3 if jaw else 1.5,
-            solid_capstyle="round",
-        )

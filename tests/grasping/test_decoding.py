@@ -1,4 +1,4 @@
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
 from ggcnn_net2net.errors import GraspError
-from ggcnn_net2net.grasping import RSS_2018, Grasp, decode_maps
+from ggcnn_net2net.grasping import RSS_2018, Grasp, decode_maps, wrap_angle
 
 SIDE = 120
 
@@ -59,6 +59,45 @@ def test_smoothing_is_the_published_one():
     assert grasp.width_px == pytest.approx(smooth_width[int(grasp.row), int(grasp.col)])
 
 
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    peak=st.tuples(st.integers(0, 39), st.integers(0, 59)),
+    width_sigma=st.sampled_from([0.0, 1.0, 2.0]),
+    angle_sigma=st.sampled_from([0.0, 2.0]),
+    border=st.sampled_from(["nearest", "reflect"]),
+    angle_window=st.integers(0, 6),
+)
+def test_smoothing_around_a_peak_is_smoothing_the_whole_map(seed, peak, width_sigma, angle_sigma, border, angle_window):
+    random = np.random.default_rng(seed)
+    cos, sin, width = random.normal(size=(3, 40, 60))
+    quality = np.zeros((40, 60))
+    quality[peak] = 1
+    decoding = replace(
+        RSS_2018,
+        quality_sigma=0.0,
+        width_sigma=width_sigma,
+        angle_sigma=angle_sigma,
+        border=border,
+        angle_window=angle_window,
+        peaks_at_border=True,
+    )
+    (grasp,) = decode_maps(quality, cos, sin, width, decoding=decoding)
+
+    def smooth(values, sigma):
+        return gaussian_filter(values, sigma, mode=border) if sigma else values
+
+    angle = smooth(np.arctan2(sin, cos) / 2, angle_sigma)
+    row, col = peak
+    window = angle[max(row - angle_window, 0) : row + angle_window + 1, max(col - angle_window, 0) :][
+        :, : min(col, angle_window) + angle_window + 1
+    ]
+    expected = angle[peak] if angle_window == 0 else window.max() if angle[peak] > 0 else window.min()
+    assert (grasp.row, grasp.col) == peak
+    assert grasp.angle == wrap_angle(expected)
+    assert grasp.width_px == max(smooth(width, width_sigma)[peak] * RSS_2018.width_scale, 0)
+
+
 @pytest.mark.parametrize(("sign", "expected"), [(1, 0.7), (-1, -0.7)])
 def test_angle_window_takes_the_extreme(sign, expected):
     quality, _, _, width = maps_of([Grasp(60, 60, 0, 40)])
@@ -82,6 +121,56 @@ def test_angle_window_is_cut_at_the_border():
     (grasp,) = decode_maps(quality, np.cos(2 * angle), np.sin(2 * angle), quality, decoding=near_border)
     assert (grasp.row, grasp.col) == (2, 2)
     assert grasp.angle == pytest.approx(0.5)
+
+
+def test_angles_are_smoothed_only_when_asked_for():
+    quality, _, _, width = maps_of([Grasp(60, 60, 0, 40)])
+    angle = 0.3 + np.random.default_rng(0).normal(0, 0.1, (SIDE, SIDE))
+    maps = quality, np.cos(2 * angle), np.sin(2 * angle), width
+    (own,) = decode_maps(*maps)
+    (smooth,) = decode_maps(*maps, decoding=replace(RSS_2018, angle_sigma=2.0, border="reflect"))
+    assert own.angle == pytest.approx(angle[60, 60])
+    assert smooth.angle == pytest.approx(gaussian_filter(angle, 2.0)[60, 60])
+
+
+def test_width_without_smoothing_is_the_networks():
+    quality, cos, sin, width = maps_of([Grasp(60, 60, 0, 40)])
+    width[60, 60] = 0.6
+    (grasp,) = decode_maps(quality, cos, sin, width, decoding=replace(RSS_2018, width_sigma=0.0))
+    assert grasp.width_px == pytest.approx(90)
+
+
+def test_beyond_the_border_a_map_goes_on_as_said():
+    noise = np.random.default_rng(1).random((SIDE, SIDE))
+    for border in ("nearest", "reflect"):
+        decoding = replace(RSS_2018, border=border, min_distance=1, peaks_at_border=True)
+        (grasp,) = decode_maps(noise, noise, noise, noise, decoding=decoding)
+        smooth = gaussian_filter(noise, 5, mode=border)
+        assert (grasp.row, grasp.col) == np.unravel_index(smooth.argmax(), smooth.shape)
+        assert grasp.quality == pytest.approx(smooth.max())
+
+
+def test_peaks_at_the_border_are_found_when_allowed():
+    maps = maps_of([Grasp(3, 60, 0.2, 40, 0.9), Grasp(60, 60, 0.2, 40, 0.5)])
+    (inner,) = decode_maps(*maps)
+    (outer,) = decode_maps(*maps, decoding=replace(RSS_2018, peaks_at_border=True))
+    assert inner.row == 60
+    assert outer.row < 20
+    assert outer.quality > inner.quality
+
+
+def test_constants_of_rss_2018_are_unchanged():
+    assert asdict(RSS_2018) == {
+        "quality_sigma": 5.0,
+        "width_sigma": 1.0,
+        "angle_sigma": 0.0,
+        "border": "nearest",
+        "width_scale": 150.0,
+        "min_distance": 20,
+        "peaks_at_border": False,
+        "threshold": 0.2,
+        "angle_window": 0,
+    }
 
 
 def test_channel_axis_is_accepted():

@@ -14,8 +14,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ggcnn_net2net import reference_data, zoo
 from ggcnn_net2net.architecture import HEADS, architecture_of
 from ggcnn_net2net.errors import ArchitectureError, DataNotFoundError, ModelFileError, VerificationError
-from ggcnn_net2net.model_files import check_ggcnn, load_ggcnn, published, save_ggcnn
-from ggcnn_net2net.model_files.load import source_path
+from ggcnn_net2net.model_files import check_ggcnn, load, load_ggcnn, published, save_ggcnn
+from ggcnn_net2net.model_files.load import opened_name, source_path
 from ggcnn_net2net.zoo import files
 
 
@@ -160,6 +160,8 @@ class TestStandIn:
             assert part in str(warning.message)
         with pytest.warns(zoo.StandInWarning):
             assert source_path("published") == stand_in
+        assert opened_name("published", stand_in) == "zoo:original_retrained"
+        assert opened_name("zoo:original_retrained", stand_in) == "zoo:original_retrained"
 
     def test_without_it_the_error_stays(self):
         with pytest.raises(DataNotFoundError, match="curl"):
@@ -171,6 +173,8 @@ class TestStandIn:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             assert source_path("published") == found
+        monkeypatch.setattr(load, "PUBLISHED_SHA256", reference_data.sha256_of(found))
+        assert opened_name("published", found) == "published"
 
     def test_it_hides_no_damage(self, stand_in, found, tmp_path, monkeypatch):
         shutil.copy(stand_in, found)
