@@ -23,18 +23,25 @@ if TYPE_CHECKING:
         build_ggcnn,
     )
     from ggcnn_net2net.errors import GGCNNError
-    from ggcnn_net2net.grasping import Grasp, decode_maps
+    from ggcnn_net2net.grasping import Decoding, Grasp, decode_maps
     from ggcnn_net2net.inference import predict_grasps
+    from ggcnn_net2net.inference.intrinsics import CameraGrasp, Intrinsics
+    from ggcnn_net2net.inference.predictor import GraspPredictor
     from ggcnn_net2net.model_files import load_ggcnn, model_summary, save_ggcnn
+    from ggcnn_net2net.model_files.export import export
     from ggcnn_net2net.net2net import Operation, apply_operations, deeper, history_of, operations, wider
     from ggcnn_net2net.protocol import CORRECTED, PAPER, Protocol
 
 _HOME = {
     "Architecture": "architecture",
     "CORRECTED": "protocol",
+    "CameraGrasp": "inference.intrinsics",
+    "Decoding": "grasping",
     "EXTENDED": "architecture",
     "GGCNNError": "errors",
     "Grasp": "grasping",
+    "GraspPredictor": "inference.predictor",
+    "Intrinsics": "inference.intrinsics",
     "NARROW": "architecture",
     "OPTIMIZED": "architecture",
     "ORIGINAL": "architecture",
@@ -47,6 +54,7 @@ _HOME = {
     "build_ggcnn": "architecture",
     "decode_maps": "grasping",
     "deeper": "net2net",
+    "export": "model_files.export",
     "history_of": "net2net",
     "load_ggcnn": "model_files",
     "model_summary": "model_files",
@@ -65,8 +73,12 @@ __all__ = [
     "PAPER",
     "SHALLOW",
     "Architecture",
+    "CameraGrasp",
+    "Decoding",
     "GGCNNError",
     "Grasp",
+    "GraspPredictor",
+    "Intrinsics",
     "Operation",
     "Protocol",
     "__version__",
@@ -75,6 +87,7 @@ __all__ = [
     "build_ggcnn",
     "decode_maps",
     "deeper",
+    "export",
     "history_of",
     "load_ggcnn",
     "model_summary",

@@ -14,6 +14,7 @@ from ggcnn_net2net.errors import GGCNNError
 COMMANDS = {
     "reproduce": ("reproduce", "reproduce", "Make the paper's tables and figures again."),
     "evaluate": ("evaluate", "evaluate", "Try single grasps, look at failures, score a network on a dataset."),
+    "predict": ("predict", "predict_command", "Predict grasps from depth images of any camera."),
     "objects": ("objects", "objects", "Show an object set: a table and a contact sheet."),
     "dataset": ("dataset", "dataset", "Read, convert, join and look at grasp data."),
     "zoo": ("zoo", "zoo_command", "The networks that this project trained."),
@@ -21,6 +22,7 @@ COMMANDS = {
     "train": ("train", "train_command", "Train a network on grasp data."),
     "search": ("search", "search_command", "Search for a better network by surgery and training."),
     "grow": ("grow", "grow_command", "Apply Net2Net operations to a model file."),
+    "export": ("export", "export_command", "Write networks in the formats that grasp stacks load."),
 }
 INTERRUPTED = 130
 

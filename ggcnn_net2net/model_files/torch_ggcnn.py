@@ -9,13 +9,14 @@ Kernel sizes, strides and paddings: class GGCNN in models/ggcnn.py of github.com
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ggcnn_net2net.architecture import HEADS, INPUT_SIZE
-from ggcnn_net2net.errors import ModelFileError
+from ggcnn_net2net.errors import ExportError, ModelFileError
 from ggcnn_net2net.model_files.stored_model import StoredModel
 from ggcnn_net2net.model_files.torch_tensors import read_state_dict
 
@@ -46,15 +47,15 @@ _BODY = (
 _HEADS = tuple(_TorchLayer(name.replace("_out", "_output"), name, (32, 1), 2, 1, 0) for name in HEADS)
 
 
-def read_torch(path: Path) -> StoredModel:
-    """Read a state_dict of PyTorch's GG-CNN; PyTorch need not be installed.
+def read_torch(path: Path, input_size: int = INPUT_SIZE) -> StoredModel:
+    """Read a state_dict of PyTorch's GG-CNN, for images of `input_size`; PyTorch need not be installed.
 
     Raises:
         ModelFileError: damaged, not a plain state_dict, or not one of this network.
     """
     tensors = read_state_dict(path)
     _check_shapes(tensors)
-    model = build_torch_ggcnn()
+    model = build_torch_ggcnn(input_size)
     for layer in (*_BODY, *_HEADS):
         # (out, in, h, w) -> (h, w, in, out), and (in, out, h, w) of a transposed convolution -> (h, w, out, in).
         kernel = tensors[f"{layer.torch_name}.weight"].transpose(2, 3, 1, 0)
@@ -98,3 +99,41 @@ def _check_shapes(tensors: dict[str, np.ndarray]) -> None:
             "expected the 20 tensors of class GGCNN in models/ggcnn.py of github.com/dougsm/ggcnn for "
             f"one-channel depth images, received {', '.join(wrong)}: other PyTorch networks are not converted"
         )
+
+
+def torch_tensors_of(model: keras.Model) -> dict[str, np.ndarray]:
+    """The state_dict with which class GGCNN computes what `model` computes: the inverse of `read_torch`.
+
+    Raises:
+        ExportError: no such state_dict exists. Class GGCNN has fixed sizes, and it pads an image of even size by one
+            pixel more above and on the left than Keras' 'same' does where the stride is 2. No weights make up for
+            that: the outermost taps of the shifted kernels would fall outside of PyTorch's.
+    """
+    expected, received = _steps(build_torch_ggcnn()), _steps(model)
+    if received != expected:
+        wrong = next(step for step in zip_longest(received, expected) if step[0] != step[1])
+        raise ExportError(
+            f"expected the layers of class GGCNN of github.com/dougsm/ggcnn, received {wrong[0]} instead of {wrong[1]} "
+            "as the first that differs: its filters are fixed, and where the stride is 2 it pads one pixel more above "
+            "and on the left than Keras' 'same' does, so that no weights give equal maps. Networks read from a .pt "
+            "file, trained further or not, can be written; export others to onnx"
+        )
+    layers = [layer for layer in model.layers if layer.weights and layer.name not in HEADS]
+    layers += [model.get_layer(name) for name in HEADS]
+    tensors = {}
+    for torch_layer, layer in zip((*_BODY, *_HEADS), layers, strict=True):
+        kernel, bias = layer.get_weights()
+        tensors[f"{torch_layer.torch_name}.weight"] = kernel.transpose(3, 2, 0, 1)
+        tensors[f"{torch_layer.torch_name}.bias"] = bias
+    return tensors
+
+
+def _steps(model: keras.Model) -> list[str]:
+    """What each layer does, in order: class, and the settings on which its result depends."""
+    keys = ("filters", "kernel_size", "strides", "padding", "cropping", "dilation_rate", "activation", "use_bias")
+    return [
+        f"{type(layer).__name__}({', '.join(f'{key}={config[key]}' for key in keys if key in config)})"
+        for layer in model.layers
+        for config in [layer.get_config()]
+        if type(layer).__name__ != "InputLayer"
+    ]
