@@ -70,6 +70,12 @@ class Architecture:
     def parse(cls, text: str) -> Architecture:
         """Read the paper's notation, or one of the names original, extended, optimized, narrow, shallow.
 
+        Args:
+            text: for example `C9x9x32_C5x5x16_C3x3x8_T3x3x8_T5x5x16_T9x9x32`; names in any case.
+
+        Returns:
+            The architecture; `str()` of it gives the notation back.
+
         Raises:
             ArchitectureError: the text is neither.
 
@@ -126,14 +132,19 @@ def _usual_stride(before: Sequence[ConvLayer], kind: str, kernel_size: tuple[int
 
 NAMED: dict[str, Architecture] = {}
 ORIGINAL = NAMED["original"] = Architecture.parse("C9x9x32_C5x5x16_C3x3x8_T3x3x8_T5x5x16_T9x9x32")
+"""GG-CNN as it was published: 62,420 parameters."""
 EXTENDED = NAMED["extended"] = Architecture.parse(
     "C9x9x32_C5x5x16_C3x3x16_C3x3x16_C3x3x8_C3x3x8_T3x3x8_T5x5x16_T9x9x32"
 )
+"""What the paper's search made of it: 67,644 parameters."""
 OPTIMIZED = NAMED["optimized"] = Architecture.parse(
     "C9x9x8_C9x9x8_C5x5x4_C3x3x2_T3x3x2_T5x5x4_T5x5x4_T5x5x4_T5x5x4_T9x9x8_T9x9x8"
 )
+"""What the paper's search made of `NARROW`: 16,104 parameters."""
 NARROW = NAMED["narrow"] = Architecture.parse("C9x9x8_C5x5x4_C3x3x2_T3x3x2_T5x5x4_T9x9x8")
+"""A fourth of the filters: 4,508 parameters."""
 SHALLOW = NAMED["shallow"] = Architecture.parse("C5x5x4_C3x3x2_T3x3x2_T5x5x4")
+"""`NARROW` without its first and last layer."""
 
 
 def build_ggcnn(

@@ -13,6 +13,12 @@ def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary path beside `path`; when the block ends well, sync it to disk and rename it to `path`.
 
     When the block raises, the temporary file is removed and whatever stood at `path` stays as it was.
+
+    Args:
+        path: file to appear, or to be replaced; its folder is made if it is missing.
+
+    Yields:
+        The temporary path, with the suffix of `path`.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -52,6 +52,13 @@ class DaskWorkers:
     def run(self, function: Callable[..., Any], inputs: Iterable[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
         """See `parallel.Workers.run`. An input whose worker dies is tried as often as the scheduler allows, twice over.
 
+        Args:
+            function: as of `parallel.Workers.run`.
+            inputs: as of `parallel.Workers.run`.
+
+        Yields:
+            Index and result of each input, in the order in which they are done.
+
         Raises:
             GGCNNError: a worker with several threads, or the scheduler went away.
         """
@@ -123,6 +130,9 @@ def _expect_one_thread(threads: Mapping[str, int]) -> None:
     """Refuse workers that would run two inputs in one process.
 
     TensorFlow's number of threads, and with it the bits of the weights, is one for the whole process.
+
+    Raises:
+        GGCNNError: one has several threads.
     """
     for worker, count in threads.items():
         if count != 1:

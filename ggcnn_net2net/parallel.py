@@ -85,6 +85,13 @@ class LocalWorkers:
     def run(self, function: Callable[..., Any], inputs: Iterable[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
         """See `Workers.run`. An input whose worker dies is tried once more.
 
+        Args:
+            function: as of `Workers.run`.
+            inputs: as of `Workers.run`.
+
+        Yields:
+            Index and result of each input, in the order in which they are done.
+
         Raises:
             GGCNNError: workers die before they begin, or were ended by leaving the context or by another run.
         """
@@ -142,6 +149,14 @@ def run_parallel(
 ) -> Iterator[tuple[int, Any]]:
     """`LocalWorkers(workers).run(function, inputs)` with processes for this call alone.
 
+    Args:
+        function: as of `Workers.run`.
+        inputs: as of `Workers.run`.
+        workers: number of processes.
+
+    Yields:
+        Index and result of each input, in the order in which they are done.
+
     Raises:
         GGCNNError: workers below 1.
     """
@@ -153,12 +168,22 @@ def pack_task(function: Callable[..., Any], values: tuple[Any, ...]) -> bytes:
     """The bytes that `run_task` takes.
 
     Pools (Pebble's, Dask's) lose a task or themselves when something cannot be unpickled; bytes always can.
+
+    Args:
+        function: at the top level of a module.
+        values: its arguments.
+
+    Returns:
+        A pickle of both.
     """
     return pickle.dumps((function, values))
 
 
 def run_task(task: bytes) -> bytes:
     """Call a packed function in a worker.
+
+    Args:
+        task: what `pack_task` made.
 
     Returns:
         Its result, pickled.

@@ -88,6 +88,7 @@ PAPER = Protocol(
     shuffled_rows=False,
     last_lookahead_takes_last=True,
 )
+"""As the public code of the paper, defects included."""
 
 CORRECTED = Protocol(
     name="CORRECTED",
@@ -104,10 +105,17 @@ CORRECTED = Protocol(
     shuffled_rows=True,
     last_lookahead_takes_last=False,
 )
+"""As the paper means it."""
 
 
 def protocol_named(name: str) -> Protocol:
     """The preset called `name` ("paper" or "corrected", in any case).
+
+    Args:
+        name: of the preset.
+
+    Returns:
+        `PAPER` or `CORRECTED`.
 
     Raises:
         GGCNNError: no such preset.

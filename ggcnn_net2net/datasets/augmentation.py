@@ -79,6 +79,9 @@ def augment(scene: LabelledScene, rng: np.random.Generator, settings: Augmentati
         rng: is asked for the angle (if `rotate`), then for the zoom factor.
         settings: size, zoom and rotation.
 
+    Returns:
+        The sample, `size` x `size`: depth in metres minus its mean, colour, rectangles in its pixels, label maps.
+
     Raises:
         DatasetError: the image is too small, has missing depth, or there is no rectangle to crop around.
     """

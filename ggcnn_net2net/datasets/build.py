@@ -64,6 +64,9 @@ def build_dataset(
         workers: processes that read scenes and draw samples; the content does not depend on it.
         on_progress: called with (parts done, parts in all).
 
+    Returns:
+        What was written: rows of each split, and what was left out.
+
     Raises:
         DatasetError: the split is not of these scenes, or no scene can be read.
     """
@@ -156,6 +159,13 @@ class FreshAugmentations:
 
     def batch(self, rows: Sequence[int], epoch: int = 0) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
         """Inputs (n, H, W, 1) and targets (n, H, W, 4) of some rows in an epoch, float32.
+
+        Args:
+            rows: indices, in any order.
+            epoch: chooses the augmentation; 0 gives that of `build_dataset` with the same seed.
+
+        Returns:
+            Depth in metres minus its mean, and targets (see `targets_of`).
 
         Raises:
             DatasetError: a row that does not exist, or a scene that cannot be read.

@@ -11,6 +11,12 @@ from ggcnn_net2net.datasets.hdf5 import SPLITS, DatasetWriter, GraspDataset
 def splits_of(path: Path) -> list[GraspDataset]:
     """The splits that a file has, "train" first.
 
+    Args:
+        path: a file of the layout.
+
+    Returns:
+        One dataset a split.
+
     Raises:
         DatasetError: no such file, or neither split in it.
     """
@@ -25,6 +31,10 @@ def splits_of(path: Path) -> list[GraspDataset]:
 
 def concatenate(paths: Iterable[Path], output: Path) -> dict[str, int]:
     """Join files of the layout into a new one, row by row: first all rows of the first file.
+
+    Args:
+        paths: files of the layout, with images of one size.
+        output: file to write.
 
     Returns:
         Rows of each split.

@@ -32,6 +32,9 @@ class CornellFile:
     def read(self) -> LabelledScene:
         """Read depth and colour.
 
+        Returns:
+            The scene, 480x640, depth in metres without missing pixels.
+
         Raises:
             DatasetError: a file that is missing or damaged, or images of different sizes.
         """
@@ -53,6 +56,9 @@ def open_cornell(path: Path) -> SceneFolder:
 
     Args:
         path: the folder.
+
+    Returns:
+        The scenes, and the files that were left out and why.
 
     Raises:
         DatasetError: no usable scene in it.
@@ -93,6 +99,9 @@ def read_rectangles(path: Path) -> tuple[npt.NDArray[np.float64], list[str]]:
 
     The public code rounds corners to whole pixels; here they stay as they are.
 
+    Args:
+        path: the labels, pcdNNNNcpos.txt.
+
     Returns:
         (n, 4, 2) corners (row, col), and what was left out: NaN, text, corners that coincide, less than four lines.
     """
@@ -112,6 +121,12 @@ def read_rectangles(path: Path) -> tuple[npt.NDArray[np.float64], list[str]]:
 def read_depth(path: Path) -> npt.NDArray[np.float32]:
     """Depth in metres of a tiff: floating-point metres, or whole millimetres; 0 and NaN are missing and filled in.
 
+    Args:
+        path: the tiff, pcdNNNNd.tiff.
+
+    Returns:
+        (H, W) float32 metres without missing pixels.
+
     Raises:
         DatasetError: not a depth image, or one in another unit.
     """
@@ -130,6 +145,12 @@ def read_cloud(path: Path) -> npt.NDArray[np.float32]:
 
     Depth is the distance sqrt(x² + y² + z²), as in the public GG-CNN code. Point `index` lies in row index // 640 and
     column index % 640. Pixels without a point are filled in.
+
+    Args:
+        path: the cloud, pcdNNNN.txt.
+
+    Returns:
+        (480, 640) float32 metres without missing pixels.
 
     Raises:
         DatasetError: not such a cloud.

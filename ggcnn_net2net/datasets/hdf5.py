@@ -153,6 +153,10 @@ class GraspDataset:
     def __init__(self, path: Path, split: str) -> None:
         """Open a split.
 
+        Args:
+            path: the file.
+            split: "train" or "test".
+
         Raises:
             DatasetError: no such file or split, or datasets that are missing or have other shapes.
         """

@@ -32,6 +32,9 @@ class JacquardFile:
     def read(self) -> LabelledScene:
         """Read the images and grasps, reduced to `SIDE` pixels (the mean of the pixels that a new one covers).
 
+        Returns:
+            The scene, (`SIDE`, `SIDE`), depth in metres without missing pixels.
+
         Raises:
             DatasetError: a file that is missing or damaged, or an image that is not square.
         """
@@ -63,6 +66,9 @@ def open_jacquard(path: Path, depth: str = "perfect") -> SceneFolder:
     Args:
         path: the folder.
         depth: "perfect" or "stereo".
+
+    Returns:
+        The scenes, and the files that were left out and why.
 
     Raises:
         DatasetError: another kind of depth, or no usable scene.

@@ -34,6 +34,9 @@ def draw_label_maps(rectangles: npt.ArrayLike, shape: tuple[int, int] = (300, 30
         rectangles: (n, 4, 2) corners (row, col) in pixels, the opening along the edge 0-1; parts outside are cut off.
         shape: height and width of the maps.
 
+    Returns:
+        Quality, angle in radians and opening in pixels, each of this shape, float32; 0 where there is no label.
+
     Raises:
         DatasetError: another shape, values that are not finite, or an edge 0-1 of length zero.
     """
@@ -87,6 +90,12 @@ def targets_of(quality: npt.ArrayLike, angle: npt.ArrayLike, width: npt.ArrayLik
 
 def checked_rectangles(rectangles: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Rectangles as (n, 4, 2) float64.
+
+    Args:
+        rectangles: (n, 4, 2) corners (row, col), or none at all.
+
+    Returns:
+        The rectangles as an array; (0, 4, 2) for none.
 
     Raises:
         DatasetError: another shape, values that are not finite, or an edge 0-1 of length zero.

@@ -25,6 +25,13 @@ def preview_samples(path: Path, count: int) -> list[tuple[str, Sample]]:
 
     Raw scenes are shown as the crop around their grasps, neither rotated nor zoomed.
 
+    Args:
+        path: the file or the folder.
+        count: most samples.
+
+    Returns:
+        Captions and samples.
+
     Raises:
         DatasetError: neither a dataset file nor a folder of raw scenes, or one that is damaged.
     """
@@ -45,6 +52,10 @@ def write_sheet(path: Path, samples: Sequence[tuple[str, Sample]]) -> None:
 
     Openings of rectangles are thin and light, jaws thick and red. Pixels without label are grey; angles have a cyclic
     colour map, because -90° and 90° are the same.
+
+    Args:
+        path: file to write.
+        samples: captions and samples, as of `preview_samples`.
     """
     import matplotlib
 

@@ -79,6 +79,9 @@ def open_scenes(path: Path, form: str | None = None, depth: str = "perfect") -> 
         form: "cornell" or "jacquard"; None: by the names of its files.
         depth: of Jacquard, "perfect" or "stereo".
 
+    Returns:
+        The scenes, and what was left out and why; images are read when they are asked for.
+
     Raises:
         DatasetError: no such folder, or no scenes in it.
     """
@@ -97,6 +100,13 @@ def open_scenes(path: Path, form: str | None = None, depth: str = "perfect") -> 
 
 def read_image(path: Path, colour: bool = False) -> npt.NDArray[Any]:
     """An image as stored, or as (H, W, 3) uint8 red, green, blue.
+
+    Args:
+        path: of the image.
+        colour: whether to convert it to 8 bits of red, green and blue.
+
+    Returns:
+        (H, W) or (H, W, channels) of the stored type, or (H, W, 3) uint8.
 
     Raises:
         DatasetError: no such file, or one that cannot be decoded.
@@ -125,6 +135,9 @@ def fill_missing(depth: npt.NDArray[np.floating], missing: npt.NDArray[np.bool_]
     Args:
         depth: (H, W).
         missing: (H, W).
+
+    Returns:
+        (H, W) float32, in the unit of `depth`.
 
     Raises:
         DatasetError: everything is missing.

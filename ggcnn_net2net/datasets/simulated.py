@@ -101,6 +101,9 @@ def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedS
         index: which of the endless scenes with these settings.
         settings: camera, noise and labels.
 
+    Returns:
+        The object at rest, seen by the camera, and its labels.
+
     Raises:
         DatasetError: no object offers enough grasps.
     """

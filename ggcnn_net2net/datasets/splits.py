@@ -45,6 +45,12 @@ class Split:
     def side_of(self, names: Iterable[str]) -> dict[str, str]:
         """Name of each scene -> "train" or "test".
 
+        Args:
+            names: of all scenes.
+
+        Returns:
+            The side of each.
+
         Raises:
             DatasetError: the names are not exactly those of the split.
         """
@@ -73,6 +79,9 @@ def make_split(objects: Mapping[str, str], by: str, test_fraction: float, seed: 
         test_fraction: between 0 and 1; each side gets at least one.
         seed: of the draw; the order of `objects` makes no difference.
 
+    Returns:
+        The split, with how it was drawn.
+
     Raises:
         DatasetError: values outside of these, or nothing to draw from.
     """
@@ -96,6 +105,12 @@ def write_split(path: Path, split: Split) -> None:
 
 def read_split(path: Path) -> Split:
     """Read a split.
+
+    Args:
+        path: JSON with lists `train` and `test`; its hash, if it has one, is checked.
+
+    Returns:
+        The split.
 
     Raises:
         DatasetError: no such file, one that is none, or one whose hash does not fit its names.

@@ -43,6 +43,7 @@ class Decoding:
 
 
 RSS_2018 = Decoding()
+"""Those of GG-CNN's own code (RSS 2018), with the peak's own angle."""
 
 _TRUNCATE = 4.0
 """Standard deviations after which a Gaussian ends, in SciPy and scikit-image."""

@@ -70,6 +70,9 @@ class Intrinsics:
         Args:
             matrix: K = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], (3, 3) or 9 numbers row by row, as in a ROS CameraInfo.
 
+        Returns:
+            The intrinsics, in pixels.
+
         Raises:
             DepthImageError: another shape, a skewed matrix, or one that is no camera's.
         """
@@ -90,6 +93,9 @@ class Intrinsics:
             grasp: in pixels of the image that the intrinsics belong to.
             z: depth at its centre in metres.
             measured: see `CameraGrasp.measured`.
+
+        Returns:
+            The grasp with its position, closing direction and opening in the camera's optical frame, metres.
         """
         along = np.array([np.cos(grasp.angle) / self.fx, -np.sin(grasp.angle) / self.fy, 0.0])
         length = float(np.linalg.norm(along))
@@ -110,6 +116,9 @@ def as_intrinsics(camera: Any) -> Intrinsics:
         camera: `Intrinsics`, a camera matrix as `Intrinsics.from_matrix` takes it, or a ROS CameraInfo message (with
             `K`, or `k` in ROS 2).
 
+    Returns:
+        The intrinsics, in pixels.
+
     Raises:
         DepthImageError: none of these.
     """
@@ -124,6 +133,12 @@ def as_intrinsics(camera: Any) -> Intrinsics:
 
 def read_intrinsics(path: Path) -> Intrinsics:
     """Intrinsics of a JSON file: an object with fx, fy, cx and cy, or with a camera matrix K or k.
+
+    Args:
+        path: the JSON file.
+
+    Returns:
+        The intrinsics, in pixels.
 
     Raises:
         DepthImageError: no such file, or another content.

@@ -54,6 +54,9 @@ def iou_rate_of(
             here, which is the quickest where TensorFlow keeps all cores busy anyway.
         on_progress: called with (protocol name, images done, all images).
 
+    Returns:
+        Whether each image is a success, and their share.
+
     Raises:
         DatasetError: no images, or images of another size than the network's.
         GraspError: maps that are not finite, or a worker process that died twice on the same images.

@@ -49,7 +49,7 @@ class GraspPredictor:
 
     Example:
         >>> predictor = GraspPredictor("published", preset="kinova")
-        >>> predictor.predict(depth, camera=camera_info.K)[0].position
+        >>> grasps = predictor.predict(depth, camera=camera_info.K)  # grasps[0].position is in metres
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class GraspPredictor:
 
         Raises:
             DepthImageError: no depth image, a unit that cannot be told, an image whose pixels are all missing, or no
-            camera.
+                camera.
             GraspError: n_grasps below 1, or a network whose maps are not finite.
         """
         metres, unit = to_metres(depth, depth_unit)
@@ -131,7 +131,21 @@ class GraspPredictor:
     def look(
         self, depth: npt.ArrayLike, camera: Any = None, n_grasps: int = 1, depth_unit: str | None = None
     ) -> Prediction:
-        """As `predict` for one image (H, W), with everything that led to the grasps: unit, window, maps."""
+        """As `predict` for one image (H, W), with everything that led to the grasps: unit, window, maps.
+
+        Args:
+            depth: (H, W), as of `predict`.
+            camera: as of `predict`.
+            n_grasps: as of `predict`.
+            depth_unit: as of `predict`.
+
+        Returns:
+            The grasps, the unit, the depth in metres, the window that the network saw, and its maps.
+
+        Raises:
+            DepthImageError: as `predict`, or several images.
+            GraspError: as `predict`.
+        """
         metres, unit = to_metres(depth, depth_unit)
         if metres.ndim != 2:
             raise DepthImageError(

@@ -121,6 +121,12 @@ PRESETS = {preset.name: preset for preset in (RSS_2018_PRESET, KINOVA, MVP, GGCN
 def preset_named(preset: str | Preset) -> Preset:
     """The preset of a name, or the one that is given.
 
+    Args:
+        preset: a name of `PRESETS`, or a preset of your own.
+
+    Returns:
+        The preset.
+
     Raises:
         DepthImageError: no preset has this name.
     """

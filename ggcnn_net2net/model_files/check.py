@@ -20,6 +20,10 @@ def check_ggcnn(model: keras.Model, origin: str = "model") -> None:
     Between input and heads any layers may stand: relatives with dilated convolutions, pooling or batch normalisation
     pass, although `architecture_of` has no name for them.
 
+    Args:
+        model: what to check.
+        origin: what the errors call it.
+
     Raises:
         ModelFileError: the input is not one depth image, heads are missing, of another shape or in another order, or
             weights are not finite.

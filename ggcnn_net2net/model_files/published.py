@@ -12,6 +12,7 @@ from ggcnn_net2net.errors import DataNotFoundError
 
 PUBLISHED_NAME = "epoch_29_model.hdf5"
 PUBLISHED_SHA256 = "07ed61da2f5b5aa5d8d10a85c0a26023bae489c3b15fe16e58227c14738a3770"
+"""SHA-256 of the published file; another file of this name is refused."""
 PUBLISHED_URL = (
     "https://raw.githubusercontent.com/dougsm/mvp_grasp/c301ba2f4b0c0fb0c92b61a34f2821e56c693163/"
     f"ggcnn/src/ggcnn/models/{PUBLISHED_NAME}"
@@ -24,6 +25,12 @@ def published_weights(allow_download: bool = True) -> Path:
 
     Looked for in `$GGCNN_NET2NET_DATA/original_ggcnn_weights`, the checkout's `original_ggcnn_weights` and the user's
     cache, then downloaded into the cache.
+
+    Args:
+        allow_download: whether it may be fetched from its public source.
+
+    Returns:
+        The file: Keras 2.0.8 HDF5 of 551,760 bytes.
 
     Raises:
         VerificationError: the file that was found has a wrong SHA-256.

@@ -85,6 +85,9 @@ def model_summary(source: str | Path) -> ModelSummary:
         source: "published" or a path, as for `load_ggcnn`; a model that `load_ggcnn` refuses for its heads or weights
             is summarised all the same.
 
+    Returns:
+        Layers, parameters, hash, lineage, and the reasons for which `load_ggcnn` would refuse the file.
+
     Raises:
         DataNotFoundError: the published file is nowhere.
         VerificationError: the published file has a wrong SHA-256.

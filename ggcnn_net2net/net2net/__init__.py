@@ -1,9 +1,10 @@
 """Net2Net surgery: operations that make a network deeper or wider and leave its function as it is.
 
 Works on any functional `keras.Model` of convolutions, transposed convolutions and Dense layers, and returns
-plain `keras.Model`s. Sources: Chen, Goodfellow and Shlens, "Net2Net: Accelerating Learning via Knowledge
+a plain `keras.Model`. Sources: Chen, Goodfellow and Shlens, "Net2Net: Accelerating Learning via Knowledge
 Transfer", ICLR 2016; its application to GG-CNN in "Extending GG-CNN through Automated Model Space Exploration
-using Knowledge Transfer", section III."""
+using Knowledge Transfer", section III.
+"""
 
 from ggcnn_net2net.net2net.deepen import deeper
 from ggcnn_net2net.net2net.history import history_of, set_history

@@ -3,7 +3,8 @@
 Every channel of every layer's output is a vertex. A layer that passes a channel on (BatchNormalization,
 pooling, Add, Concatenate, ...) ties its input vertex to its output vertex; a convolution ties nothing, it
 makes new channels. The connected components are the groups of channels that must be copied together: a skip
-connection puts the channels of all layers that it adds into the same groups, whatever lies in between."""
+connection puts the channels of all layers that it adds into the same groups, whatever lies in between.
+"""
 
 from __future__ import annotations
 

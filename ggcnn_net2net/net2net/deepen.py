@@ -78,8 +78,7 @@ def deeper(
 
 
 def identity_block(graph: ModelGraph, name: str) -> list[str]:
-    """Names of the layers that *deeper* repeats: `name`, and if it is linear its normalization and
-    activation.
+    """Names of the layers that *deeper* repeats: `name`, and if it is linear its normalization and activation.
 
     Raises:
         SurgeryError: no identity of their kind can follow them.

@@ -49,6 +49,9 @@ class Operation:
             text: for example `deeper(3)`, `deeper(conv2d_3, kernel_size=5)`, `deeper(3, kernel_size=3x5)`,
                 `wider(3)`, `wider(3, factor=1.5)`, `wider(3, filters=24)`.
 
+        Returns:
+            The operation; `str()` of it gives the text back.
+
         Raises:
             SurgeryError: the text is no such operation.
         """
@@ -70,6 +73,12 @@ class Operation:
 
 def parse_operations(text: str) -> list[Operation]:
     """Read a comma-separated sequence of operations, `deeper(3), deeper(4), wider(3), deeper(3)`.
+
+    Args:
+        text: operations as `Operation.parse` reads them; an empty text is none.
+
+    Returns:
+        The operations in order.
 
     Raises:
         SurgeryError: the text is no such sequence.

@@ -91,8 +91,7 @@ def carry_optimizer(model: keras.Model, child: keras.Model, resize: Resize | Non
 
 
 def _slots(model: keras.Model) -> dict[tuple[str, str, str], Any]:
-    """(layer name, weight name, slot name) -> variable; no layer and weight for step count and learning
-    rate."""
+    """(layer name, weight name, slot name) -> variable; no layer and weight for step count and learning rate."""
     owners = {
         f"{weight.path.replace('/', '_')}_": (layer.name, weight.name)
         for layer in model.layers

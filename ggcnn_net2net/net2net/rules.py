@@ -1,5 +1,4 @@
-"""What surgery has to know of each Keras layer class: how channels pass it, and which axes of its weights
-they are.
+"""What surgery has to know of each Keras layer class: how channels pass it, and which axes of its weights they are.
 
 A class that is not in `RULES` is left alone, and stops surgery on the channels that reach it.
 """

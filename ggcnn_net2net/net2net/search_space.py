@@ -34,7 +34,7 @@ def apply_operations(
 
     Args:
         model: a functional `keras.Model`. It is left as it is.
-        operations: a text like `EXTENDED_OPERATIONS`, or `Operation`s. An index counts the layers of the
+        operations: a text like `EXTENDED_OPERATIONS`, or a sequence of `Operation`. An index counts the layers of the
             model that the operations before it have made.
         seed: the operation at position i, from 0, uses the seed `seed + i`.
         noise: of every *wider*, see there.

@@ -132,6 +132,12 @@ def _points_of(
 def read_points(path: Path | Traversable) -> list[CurvePoint]:
     """Results from a CSV file.
 
+    Args:
+        path: a results.csv, as `write_points` writes it.
+
+    Returns:
+        Its points in order.
+
     Raises:
         ResultsError: other columns, or values that cannot be read.
     """

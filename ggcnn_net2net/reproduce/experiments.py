@@ -121,6 +121,9 @@ def part_of(
         protocols: instead of its own; none: its own.
         networks: what a curve starts from instead, by the curve's name.
 
+    Returns:
+        The smaller experiment, under the same name.
+
     Raises:
         ResultsError: a curve that it does not have.
     """

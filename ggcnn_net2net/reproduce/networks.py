@@ -80,6 +80,9 @@ def load_networks(specs: Iterable[str]) -> list[Network]:
             others of `ROWS` (from the zoo; extended and optimized without weights if it lacks them), "zoo:NAME", or
             paths of model files.
 
+    Returns:
+        The networks in order; those that no weights are at hand for have no model.
+
     Raises:
         ResultsError: two networks of the same name, or none.
         ModelFileError, DataNotFoundError, VerificationError: as `load_ggcnn`.

@@ -96,10 +96,18 @@ class RecordFile:
     """The CSV of a results folder. A torn last line, from a run that was killed, is ignored and written again."""
 
     def __init__(self, path: Path) -> None:
+        """Name the file, which need not exist.
+
+        Args:
+            path: the CSV.
+        """
         self.path = path
 
     def read(self) -> list[GraspRecord]:
         """All complete records; an empty list where there is no file.
+
+        Returns:
+            The records in the order in which they were written.
 
         Raises:
             ResultsError: other columns, or values that cannot be read before the last line.

@@ -131,6 +131,12 @@ def versions() -> dict[str, str]:
 def read_settings(path: Path) -> tuple[dict[str, Any], SceneSettings, Protocol]:
     """Settings that a results.json was made with: as stored, and its scenes and protocol.
 
+    Args:
+        path: the results.json.
+
+    Returns:
+        Settings as stored, scenes, protocol.
+
     Raises:
         ResultsError: no such file, or one that is damaged or of another version.
     """
@@ -145,6 +151,10 @@ def read_settings(path: Path) -> tuple[dict[str, Any], SceneSettings, Protocol]:
 
 def check_settings(path: Path, settings: dict[str, Any]) -> None:
     """Refuse to continue a results folder that was made in another way.
+
+    Args:
+        path: the folder's results.json; a new folder has none.
+        settings: of the run that is to come, see `settings_of`.
 
     Raises:
         ResultsError: other scenes, protocol or versions.

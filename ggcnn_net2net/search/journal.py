@@ -23,9 +23,15 @@ Event = dict[str, Any]
 def read_events(path: Path) -> list[Event]:
     """All whole events of a journal; none where there is no file.
 
+    Args:
+        path: of the journal.
+
+    Returns:
+        The events in the order in which they happened.
+
     Raises:
         SearchError: a line that is no event before the last one: the file was changed by something else.
-    """
+    """  # noqa: DOC501 -- the ValueError is caught
     if not path.is_file():
         return []
     events = []

@@ -28,7 +28,7 @@ JOURNAL_FILE = "journal.jsonl"
 BEST_FILE = "best.hdf5"
 
 OnEvent = Callable[[Event], None]
-"""Told about every event, see `docs/search.md`."""
+"""Told about every event, see `docs/beam_search.md`."""
 
 
 def start_search(
@@ -93,6 +93,9 @@ def resume_search(
         retry_failed: train candidates again that failed before. Otherwise they stay failed.
         on_event: told about what happened before, and then about what happens.
 
+    Returns:
+        What is known at the end, as of `start_search`.
+
     Raises:
         SearchError: no search there, another process is at it, other data, or too many failures in a row.
     """
@@ -108,6 +111,12 @@ def resume_search(
 
 def load_history(directory: Path) -> SearchHistory:
     """What is known of a search, which may still run.
+
+    Args:
+        directory: folder of the search.
+
+    Returns:
+        Candidates, lookaheads and path so far.
 
     Raises:
         SearchError: no search there.

@@ -133,6 +133,12 @@ class SearchSettings:
     def from_dict(cls, values: dict[str, Any]) -> SearchSettings:
         """The settings that `as_dict` gave.
 
+        Args:
+            values: plain JSON values, of this version of the package.
+
+        Returns:
+            Equal settings.
+
         Raises:
             SearchError: settings of another version.
         """

@@ -56,6 +56,12 @@ class Camera:
         """Depth (height, width) in metres and RGB (height, width, 3) of what stands in `world` (a pybullet client).
 
         Always the TinyRenderer: renderers differ from each other, and it is the one that every machine has.
+
+        Args:
+            world: pybullet client of the world.
+
+        Returns:
+            Depth float32 and colour uint8.
         """
         _, _, rgba, buffer, _ = world.getCameraImage(
             self.width,

@@ -118,7 +118,13 @@ class Gripper:
     """The gripper in a `World`; it starts open, 1 m above the origin, and moves by stepping that world."""
 
     def __init__(self, world: World, spec: GripperSpec | None = None, coupled_jaws: bool = False) -> None:
-        """Put the gripper into `world`; with `coupled_jaws`, both jaws always move by the same distance."""
+        """Put the gripper into `world`; with `coupled_jaws`, both jaws always move by the same distance.
+
+        Args:
+            world: where to.
+            spec: sizes, forces and speeds; None: the paper's.
+            coupled_jaws: field of `Protocol`.
+        """
         self.spec = spec or GripperSpec()
         self._world = world
         with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:

@@ -94,6 +94,9 @@ def load_object_set(spec: str, protocol: Protocol = PAPER) -> ObjectSet:
             and cached.
         protocol: decides where an object's centre lies.
 
+    Returns:
+        The objects in the set's order, with their meshes on the disk.
+
     Raises:
         ObjectSetError: no such set, or meshes or rows that cannot be used.
         DataNotFoundError: the set's files are nowhere and cannot be fetched.
@@ -127,6 +130,9 @@ def make_model(
         protocol: decides where the centre lies.
         scale: metres per unit of the mesh.
         longest_side: longest side in metres that the object is to have; replaces `scale`.
+
+    Returns:
+        The object with scale, centre and longest side in metres.
 
     Raises:
         ObjectSetError: the mesh cannot be read, or a size that is not positive.

@@ -103,6 +103,11 @@ def trial_strip(world: World, scene: Scene, grasp: Grasp | None, protocol: Proto
 def show_trial(scene: Scene, grasp: Grasp | None, protocol: Protocol) -> None:
     """Run a trial in a window, in a process of its own: OpenGL and TensorFlow in one process can crash it.
 
+    Args:
+        scene: what to grasp.
+        grasp: in pixels of the scene's image; None: nothing is grasped.
+        protocol: how.
+
     Raises:
         SimulationError: there is no display, or the window could not be opened.
     """
@@ -130,6 +135,10 @@ def draw_grasp(rgb: Image, grasp: Grasp | None) -> Image:
 
 def save_strips(path: Path, strips: Sequence[Strip]) -> None:
     """Write strips below each other into one PNG.
+
+    Args:
+        path: PNG to write.
+        strips: titles and pictures, one strip a row.
 
     Raises:
         GGCNNError: there is nothing to draw.

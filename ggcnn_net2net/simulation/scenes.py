@@ -61,6 +61,9 @@ def make_scene(world: World, model: ObjectModel, pose: int, seed: int) -> Scene:
         model: the object.
         pose: index of the pose.
         seed: of the whole set of scenes.
+
+    Returns:
+        The scene: pose, depth and colour; marked where the object never came to rest.
     """
     rng = np.random.default_rng([seed, zlib.crc32(model.name.encode()), pose])
     body, stable, drops = drop_object(world, model, rng)
@@ -117,6 +120,11 @@ def save_scenes(path: Path, scenes: Iterable[Scene], settings: SceneSettings) ->
     Layout: one group OBJECT/POSE a scene with datasets depth (float32, metres) and rgb (uint8), and attributes
     position, orientation (x, y, z, w), stable, drops, camera (JSON) and object (JSON). The file's attributes hold the
     settings.
+
+    Args:
+        path: file to write.
+        scenes: any number.
+        settings: what determines them.
     """
     import h5py
 
@@ -142,6 +150,9 @@ def load_scenes(path: Path, objects: ObjectSet, settings: SceneSettings | None =
         path: file written by `save_scenes`.
         objects: the set that the scenes were made of.
         settings: what the scenes are expected to be; None accepts any scenes of these objects.
+
+    Returns:
+        The scenes.
 
     Raises:
         SceneError: the file is damaged, or holds scenes of other objects or with other settings.

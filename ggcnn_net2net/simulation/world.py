@@ -59,6 +59,9 @@ class World:
     def __init__(self, gui: bool = False) -> None:
         """Start a physics server; with `gui` it has a window and runs no faster than real time.
 
+        Args:
+            gui: whether to show a window.
+
         Raises:
             SimulationError: a window is wanted where there is no display.
         """
@@ -111,6 +114,14 @@ class World:
 
     def add_object(self, model: ObjectModel, position: Vector, orientation: Quaternion) -> int:
         """Put an object into the world, its centre at `position`; returns its body id.
+
+        Args:
+            model: the object; its mass in kg is its longest side in metres.
+            position: (x, y, z) in metres.
+            orientation: quaternion (x, y, z, w).
+
+        Returns:
+            pybullet's id of the body.
 
         Raises:
             SimulationError: pybullet cannot load the mesh.

@@ -82,6 +82,12 @@ class OptimizerState:
     def of(cls, model: keras.Model) -> OptimizerState:
         """The state of the optimizer of `model`.
 
+        Args:
+            model: compiled, with an optimizer that has been built.
+
+        Returns:
+            Step count and slots, copied.
+
         Raises:
             TrainingError: the model is not compiled, or its optimizer has no slots yet.
         """
@@ -101,6 +107,9 @@ class OptimizerState:
 
     def assign_to(self, optimizer: keras.optimizers.Optimizer) -> None:
         """Bring a built optimizer to this state.
+
+        Args:
+            optimizer: is changed.
 
         Raises:
             TrainingError: it is of another class, or was built for other variables.
@@ -132,10 +141,10 @@ def load_optimizer(directory: Path, model: keras.Model) -> None:
             not compiled.
 
     Example:
-        >>> model = load_ggcnn("trained.hdf5")
-        >>> model.compile(recipe.new_optimizer(steps_per_epoch))
-        >>> load_optimizer(Path("trained.hdf5.training"), model)
-        >>> child = apply_operations(model, "wider(3)", carry_optimizer=True)
+        model = load_ggcnn("trained.hdf5")
+        model.compile(recipe.new_optimizer(steps_per_epoch))
+        load_optimizer(Path("trained.hdf5.training"), model)
+        child = apply_operations(model, "wider(3)", carry_optimizer=True)
     """
     path = directory / FILE_NAME
     if not path.exists():

@@ -32,7 +32,15 @@ class TrainingData(Protocol):
         ...
 
     def batch(self, rows: Sequence[int], epoch: int) -> Batch:
-        """Inputs and targets of some rows; `epoch` chooses their augmentation where that is made afresh."""
+        """Inputs and targets of some rows; `epoch` chooses their augmentation where that is made afresh.
+
+        Args:
+            rows: indices from 0 to `len` - 1, in any order.
+            epoch: from 0.
+
+        Returns:
+            (n, H, W, 1) depth in metres minus each image's mean, and (n, H, W, 4) targets, float32.
+        """
         ...
 
 

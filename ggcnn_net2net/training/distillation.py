@@ -68,6 +68,13 @@ class Distilled:
     def batch(self, rows: Sequence[int], epoch: int) -> Batch:
         """Inputs and mixed targets of some rows; may be called from any thread.
 
+        Args:
+            rows: indices, in any order.
+            epoch: is handed on to the data.
+
+        Returns:
+            As of the data, with the teacher's part in the targets.
+
         Raises:
             TrainingError: the teacher takes images of another size.
         """

@@ -36,6 +36,13 @@ def masked_losses(maps: tf.Tensor, targets: tf.Tensor) -> tf.Tensor:
 
     Quality: mean over all pixels, as published. The others: `MASKED_WEIGHT` times the mean over all pixels of the batch
     whose target quality is above 0; 0 for a batch without such pixels.
+
+    Args:
+        maps: (n, H, W, 4) predictions in the order of the heads.
+        targets: (n, H, W, 4).
+
+    Returns:
+        (4,) losses of the heads.
     """
     import tensorflow as tf
 

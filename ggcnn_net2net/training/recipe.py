@@ -68,6 +68,12 @@ class Recipe:
     def new_optimizer(self, steps_per_epoch: int) -> keras.optimizers.Optimizer:
         """A fresh optimizer as this recipe wants it.
 
+        Args:
+            steps_per_epoch: what a schedule of the learning rate counts by.
+
+        Returns:
+            The optimizer, not built yet.
+
         Raises:
             TrainingError: Keras knows no optimizer of this name.
         """

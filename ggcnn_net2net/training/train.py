@@ -43,8 +43,8 @@ class TrainingResult:
     """The trained network, compiled with its optimizer."""
 
     history: History
-    """One dict an epoch: epoch (from 0), loss, pos_out_loss ... width_out_loss, the same with val_ in front where there
-    is validation data, learning_rate of its first step, seconds."""
+    """One dict an epoch: epoch (from 0), loss, pos_out_loss ... width_out_loss, the same with `val_` in front where
+    there is validation data, learning_rate of its first step, seconds."""
 
 
 def train(
@@ -178,6 +178,9 @@ def _run_epoch(
 
     Returns:
         The mean losses by name.
+
+    Raises:
+        TrainingError: a loss or a gradient that is not finite.
     """
     batches = _batches(recipe, data, epoch)
     total = np.zeros(len(HEADS))
@@ -208,6 +211,9 @@ def mean_loss(model: keras.Model, data: TrainingData, recipe: Recipe) -> float:
         model: a GG-CNN; need not be compiled.
         data: images and targets.
         recipe: its protocol chooses the loss, its batch size how many images are computed at once.
+
+    Returns:
+        The loss that `train` reports as `val_loss`.
 
     Raises:
         TrainingError: data that does not fit.

@@ -69,7 +69,7 @@ def add(model_file: Path, provenance: Path | Mapping[str, Any], name: str, folde
         VerificationError: the provenance is of another model file.
 
     Example:
-        >>> zoo.add(Path("extended.hdf5"), Path("extended.json"), "extended")
+        zoo.add(Path("extended.hdf5"), Path("extended.json"), "extended")
     """
     from ggcnn_net2net.model_files import load_ggcnn, model_summary, save_ggcnn  # they open the zoo's files
 

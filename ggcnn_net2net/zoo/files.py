@@ -33,6 +33,9 @@ def network_file(name: str) -> Path:
     Args:
         name: one of `names()`.
 
+    Returns:
+        Its path.
+
     Raises:
         ModelFileError: the zoo has no such network.
         VerificationError: the file is not the one that its provenance describes, or it has none.

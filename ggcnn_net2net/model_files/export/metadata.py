@@ -49,6 +49,12 @@ def metadata_path(path: Path) -> Path:
 def read_metadata(path: str | Path) -> dict[str, Any]:
     """The metadata of an exported file or folder, `path`.
 
+    Args:
+        path: what `export` wrote.
+
+    Returns:
+        Plain JSON values: input, preprocessing, outputs, decoding, network, lineage, parity, versions.
+
     Raises:
         ExportError: it has none that can be read.
     """
