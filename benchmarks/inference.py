@@ -81,9 +81,9 @@ def onnx_network(path: Path, threads: int) -> Callable[[np.ndarray], Any]:
 
 
 def litert_network(path: Path, threads: int) -> Callable[[np.ndarray], Any]:
-    import tensorflow as tf
+    from ai_edge_litert.interpreter import Interpreter
 
-    interpreter = tf.lite.Interpreter(model_path=str(path), num_threads=threads)
+    interpreter = Interpreter(model_path=str(path), num_threads=threads)
     runner = interpreter.get_signature_runner()
     (depth,) = runner.get_input_details()
     return lambda images: runner(**{depth: images})

@@ -11,7 +11,11 @@ from ggcnn_net2net.errors import TrainingError
 from ggcnn_net2net.training import Recipe, train
 from ggcnn_net2net.training.checkpoint import load_optimizer
 
-OPTIMIZERS = ["rmsprop-keras2", "adam", keras.optimizers.RMSprop(1e-3, momentum=0.9)]
+OPTIMIZERS = [
+    "rmsprop-keras2",
+    "adam",
+    pytest.param(keras.optimizers.RMSprop(1e-3, momentum=0.9), id="an optimizer of Keras"),
+]
 GROWTH = "wider(2), deeper(3)"
 
 

@@ -30,6 +30,8 @@ class Format:
     quantizations: tuple[str, ...] = ()
     any_batch: bool = True
     """Whether it takes any number of images; otherwise one."""
+    names_input: bool = True
+    """Whether the input is called "depth"; in Keras' files it has the name of its layer, in a state_dict none."""
     channels_first: bool = False
     """Whether the images are (batch, 1, H, W) instead of (batch, H, W, 1)."""
 
@@ -65,6 +67,7 @@ FORMATS = {
             keras_files.write_keras,
             keras_files.open_keras3,
             runtime="keras",
+            names_input=False,
         ),
         Format(
             "hdf5",
@@ -73,6 +76,7 @@ FORMATS = {
             keras_files.write_keras,
             keras_files.open_keras2,
             runtime="tf_keras",
+            names_input=False,
         ),
         Format(
             "savedmodel",
@@ -119,6 +123,7 @@ FORMATS = {
             torch_state_dict.write_torch,
             torch_state_dict.open_torch,
             runtime="keras",
+            names_input=False,
             channels_first=True,
         ),
     )

@@ -86,7 +86,7 @@ def metadata(
         "quantization": job.quantization,
         "files": files,
         "input": {
-            "name": INPUT if not made.channels_first else None,
+            "name": INPUT if made.names_input else None,
             "shape": _shape(made, job.model),
             "dtype": "float32",
             "unit": "metres minus the image's mean",
