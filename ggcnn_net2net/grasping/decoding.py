@@ -81,13 +81,6 @@ def decode_maps(
         received = ", ".join(f"{name} {values.shape}" for name, values in zip(_NAMES, maps, strict=True))
         raise GraspError(f"expected four maps of one shape, received {received}")
     smooth_quality = _smooth(maps[0], decoding.quality_sigma, decoding.border)
-    peaks = peak_local_max(
-        smooth_quality,
-        min_distance=decoding.min_distance,
-        threshold_abs=decoding.threshold,
-        num_peaks=n_grasps,
-        exclude_border=not decoding.peaks_at_border,
-    )
     return [
         Grasp(
             row=float(row),
@@ -96,7 +89,7 @@ def decode_maps(
             width_px=max(_width_at(maps[3], row, col, decoding), 0.0),
             quality=float(smooth_quality[row, col]),
         )
-        for row, col in peaks.tolist()
+        for row, col in _peaks(smooth_quality, n_grasps, decoding)
     ]
 
 
@@ -116,6 +109,26 @@ def _as_map(name: str, values: npt.ArrayLike) -> FloatMap:
 
 def _smooth(values: FloatMap, sigma: float, border: str) -> FloatMap:
     return gaussian(values, sigma, mode=border, truncate=_TRUNCATE, preserve_range=True) if sigma > 0 else values
+
+
+def _peaks(quality: FloatMap, n_grasps: int, decoding: Decoding) -> list[list[int]]:
+    """Rows and columns of the best local maxima, as `peak_local_max` finds them."""
+    margin = 0 if decoding.peaks_at_border else decoding.min_distance
+    row, col = divmod(int(quality.argmax()), quality.shape[1])
+    highest = quality[row, col]
+    inside = margin <= row < quality.shape[0] - margin and margin <= col < quality.shape[1] - margin
+    if n_grasps == 1 and inside and (quality < highest).any():
+        # The highest pixel of all is the first of the maxima, and the others need not be looked for.
+        return [[row, col]] if highest > decoding.threshold else []
+    peaks = peak_local_max(
+        quality,
+        min_distance=decoding.min_distance,
+        threshold_abs=decoding.threshold,
+        num_peaks=n_grasps,
+        exclude_border=not decoding.peaks_at_border,
+    )
+    found: list[list[int]] = peaks.tolist()
+    return found
 
 
 # Width and angle count at a few peaks only, so they are smoothed in a window of a peak that holds all that reaches it:

@@ -59,8 +59,11 @@ def compiled_network(model: keras.Model, backend: str = "tensorflow") -> Network
             raise DepthImageError(f"expected images as (n, height, width), received shape {stack.shape}")
         with lock:  # lru_cache would compile twice for two threads
             run = compiled(stack.shape[1:])
-        maps = [run(image[None, ..., None])[0].transpose(2, 0, 1) for image in stack]
-        return np.stack(maps) if maps else np.empty((0, 4, *stack.shape[1:]), np.float32)
+        maps = [run(image[None, ..., None]) for image in stack]
+        if not maps:
+            return np.empty((0, 4, *stack.shape[1:]), np.float32)
+        together = maps[0] if len(maps) == 1 else np.concatenate(maps)  # one image is not copied
+        return together.transpose(0, 3, 1, 2)
 
     return network
 

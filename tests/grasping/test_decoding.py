@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
+from skimage.feature import peak_local_max
 
 from ggcnn_net2net.errors import GraspError
 from ggcnn_net2net.grasping import RSS_2018, Grasp, decode_maps, wrap_angle
@@ -96,6 +97,37 @@ def test_smoothing_around_a_peak_is_smoothing_the_whole_map(seed, peak, width_si
     assert (grasp.row, grasp.col) == peak
     assert grasp.angle == wrap_angle(expected)
     assert grasp.width_px == max(smooth(width, width_sigma)[peak] * RSS_2018.width_scale, 0)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    levels=st.integers(1, 60),
+    threshold=st.sampled_from([0.0, 0.4, 0.9, 1.0]),
+    min_distance=st.integers(1, 12),
+    peaks_at_border=st.booleans(),
+)
+def test_the_best_grasp_is_where_scikit_image_finds_the_first_peak(
+    seed, levels, threshold, min_distance, peaks_at_border
+):
+    """Also on plateaus and among equal maxima, of which few levels make many."""
+    quality = np.random.default_rng(seed).integers(0, levels + 1, (20, 30)) / levels
+    decoding = replace(
+        RSS_2018,
+        quality_sigma=0.0,
+        threshold=threshold,
+        min_distance=min_distance,
+        peaks_at_border=peaks_at_border,
+    )
+    found = decode_maps(quality, np.ones((20, 30)), np.zeros((20, 30)), quality, decoding=decoding)
+    expected = peak_local_max(
+        quality,
+        min_distance=min_distance,
+        threshold_abs=threshold,
+        num_peaks=1,
+        exclude_border=not peaks_at_border,
+    )
+    assert [(grasp.row, grasp.col) for grasp in found] == [tuple(peak) for peak in expected]
 
 
 @pytest.mark.parametrize(("sign", "expected"), [(1, 0.7), (-1, -0.7)])
