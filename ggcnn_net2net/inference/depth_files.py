@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -14,7 +13,6 @@ from ggcnn_net2net.datasets.raw import read_image
 from ggcnn_net2net.errors import DatasetError, DepthImageError
 
 SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".npz")
-_CORNELL = re.compile(r"pcd\d{4}d\.tiff?")
 _PNG = (b"\x89PNG\r\n\x1a\n", 24, b"\x10\x00")  # signature; where 16 bits a sample, one grey sample a pixel, is written
 
 
@@ -35,7 +33,8 @@ def read_depth_file(path: Path) -> npt.NDArray[Any]:
     except DatasetError as error:
         raise DepthImageError(str(error)) from error
     except (OSError, ValueError, EOFError, BadZipFile) as error:
-        raise DepthImageError(f"cannot read {path}: {error}") from error
+        # NumPy's own message would advise to trust the file, which is not for us to say.
+        raise DepthImageError(f"expected a whole {suffix} file of numbers, cannot read {path}") from error
     if image.ndim != 2 or image.dtype.kind not in "iuf" or image.dtype.itemsize == 1:
         raise DepthImageError(
             f"expected a depth image (H, W) of 16 bits or more a pixel in {path}, received {image.dtype} "
@@ -47,8 +46,8 @@ def read_depth_file(path: Path) -> npt.NDArray[Any]:
 def depth_files(folder: Path) -> list[Path]:
     """The depth images in a folder, ordered by name; its sub-folders are not looked into.
 
-    Where there are files pcdNNNNd.tiff, as in the Cornell dataset, only those are meant; else all with one of
-    `SUFFIXES`, PNGs only if they have one channel of 16 bits.
+    All files with one of `SUFFIXES`, PNGs only if they have one channel of 16 bits: the others are colour images, which
+    lie beside the depth in datasets.
 
     Raises:
         DepthImageError: no such folder.
@@ -57,11 +56,10 @@ def depth_files(folder: Path) -> list[Path]:
         paths = sorted(folder.iterdir())
     except OSError as error:
         raise DepthImageError(f"cannot look into the folder {folder}: {error.strerror}") from error
-    files = [
+    files = (
         path for path in paths if path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and path.is_file()
-    ]
-    cornell = [path for path in files if _CORNELL.fullmatch(path.name)]
-    return cornell or [path for path in files if path.suffix.lower() != ".png" or _is_deep_png(path)]
+    )
+    return [path for path in files if path.suffix.lower() != ".png" or _is_deep_png(path)]
 
 
 class FolderWatch:
