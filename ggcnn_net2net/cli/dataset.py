@@ -116,11 +116,23 @@ def build(
 @click.option(
     "--missing", default=0.0, show_default=True, type=click.FloatRange(0, 1), help="Share of edge pixels that are lost."
 )
+@click.option(
+    "--looser-labels",
+    is_flag=True,
+    help="Label objects without grasps by the usual rule by looser ones, instead of passing them over.",
+)
 @SEED
 @PROTOCOL
 @WORKERS
 def simulate(
-    output: Path, count: int, noise: float, missing: float, seed: int, protocol_name: str, workers: int
+    output: Path,
+    count: int,
+    noise: float,
+    missing: float,
+    looser_labels: bool,
+    seed: int,
+    protocol_name: str,
+    workers: int,
 ) -> None:
     """Simulate scenes of training objects, none of the benchmark's, with antipodal grasps for labels.
 
@@ -137,7 +149,8 @@ def simulate(
     from ggcnn_net2net.datasets.simulated import Simulation, simulate_folder
     from ggcnn_net2net.protocol import protocol_named
 
-    settings = Simulation(seed=seed, noise=noise, missing=missing, protocol=protocol_named(protocol_name))
+    protocol = protocol_named(protocol_name)
+    settings = Simulation(seed=seed, noise=noise, missing=missing, looser_labels=looser_labels, protocol=protocol)
     with stages(Console()) as progress:
         labels = simulate_folder(output, count, settings, workers, lambda done, total: progress("scenes", done, total))
     click.echo(f"{len(labels)} scenes, {sum(labels.values()) / len(labels):.0f} labels a scene, written to {output}")

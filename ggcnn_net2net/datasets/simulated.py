@@ -23,7 +23,14 @@ from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle, wrap_angle
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import PAPER, Protocol
-from ggcnn_net2net.simulation.antipodal import AntipodalGrasps, AntipodalRule, agreeing, find_antipodal_grasps, rows_of
+from ggcnn_net2net.simulation.antipodal import (
+    LOOSER_RULES,
+    AntipodalGrasps,
+    AntipodalRule,
+    agreeing,
+    find_antipodal_grasps,
+    rows_of,
+)
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.scenes import Scene, drop_object
 from ggcnn_net2net.simulation.training_objects import training_object
@@ -57,6 +64,9 @@ class Simulation:
     """Share of the pixels along depth edges that are lost, and filled in from around them as Cornell's are."""
     least_labels: int = 5
     """Scenes with fewer labels are drawn again."""
+    looser_labels: bool = False
+    """Whether a scene with too few labels gets those of `LOOSER_RULES`, the strictest that gives enough, before it is
+    drawn again. Without, objects that are hard to grasp are never seen."""
     place: float = 0.06
     """Metres within which labels have to agree on the closing direction and the opening."""
     protocol: Protocol = PAPER
@@ -75,10 +85,16 @@ class Simulation:
                 f"seed={self.seed}, noise={self.noise}, missing={self.missing}, least_labels={self.least_labels}"
             )
 
+    @property
+    def label_rules(self) -> tuple[AntipodalRule, ...]:
+        """The rules that are tried on a scene, in order."""
+        return (AntipodalRule(), *(LOOSER_RULES if self.looser_labels else ()))
+
     def as_dict(self) -> dict[str, Any]:
         """Settings as JSON holds them."""
         own = {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": self.protocol.name}
-        return {**own, "label_rule": asdict(AntipodalRule())}  # labels of two rules must not mix in a folder
+        # Labels of other rules must not mix in a folder.
+        return {**own, "label_rules": [asdict(rule) for rule in self.label_rules]}
 
 
 @dataclass(frozen=True)
@@ -89,6 +105,8 @@ class SimulatedScene:
     """The object at rest; (480, 640) images."""
     rectangles: npt.NDArray[np.float64]
     """(n, 4, 2) corners (row, col) in pixels."""
+    rule: int
+    """Which of the settings' label rules they follow."""
 
 
 def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedScene:
@@ -117,13 +135,13 @@ def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedS
         x, y = rng.uniform(-settings.camera_offset, settings.camera_offset, 2)
         camera = _camera(position, (x, y, rng.uniform(*settings.camera_heights)))
         depth, rgb = camera.render(world.client)
-        grasps, pixels = label_grasps(world, body, depth, camera, settings.place)
-        if len(grasps) < settings.least_labels:
-            continue
-        rectangles = _rectangles(grasps, pixels, depth, camera)
-        depth = _degrade(depth, rng, settings)
-        scene = Scene(model, index, position, orientation, stable, drops, depth, rgb, camera)
-        return SimulatedScene(scene, rectangles)
+        for number, rule in enumerate(settings.label_rules):
+            grasps, pixels = label_grasps(world, body, depth, camera, settings.place, rule)
+            if len(grasps) >= settings.least_labels:
+                rectangles = _rectangles(grasps, pixels, depth, camera)
+                depth = _degrade(depth, rng, settings)
+                scene = Scene(model, index, position, orientation, stable, drops, depth, rgb, camera)
+                return SimulatedScene(scene, rectangles, number)
     raise DatasetError(
         f"expected a scene with {settings.least_labels} labels or more, received none in {_ATTEMPTS} attempts: lower "
         "least_labels"
@@ -138,7 +156,12 @@ def _camera(target: tuple[float, float, float], position: tuple[float, float, fl
 
 
 def label_grasps(
-    world: World, body: int, depth: npt.NDArray[np.floating], camera: Camera, place: float
+    world: World,
+    body: int,
+    depth: npt.NDArray[np.floating],
+    camera: Camera,
+    place: float,
+    rule: AntipodalRule | None = None,
 ) -> tuple[AntipodalGrasps, npt.NDArray[np.intp]]:
     """Grasps of what the camera sees, one a place.
 
@@ -148,6 +171,7 @@ def label_grasps(
         depth: (H, W) metres, without noise.
         camera: that took it.
         place: metres within which grasps have to agree.
+        rule: what makes a grasp; the usual rule by default.
 
     Returns:
         The grasps and the pixels (row, col) of their points.
@@ -158,7 +182,7 @@ def label_grasps(
     chosen = np.zeros_like(seen)
     chosen[::stride, ::stride] = seen[::stride, ::stride]
     rows, cols = np.nonzero(chosen)
-    grasps = find_antipodal_grasps(world.client, body, points[rows, cols])
+    grasps = find_antipodal_grasps(world.client, body, points[rows, cols], rule)
     grasps = rows_of(grasps, agreeing(grasps, place))
     return grasps, np.stack([rows, cols], axis=1)[grasps.origin]
 
@@ -249,10 +273,10 @@ def _claim(folder: Path, settings: Simulation) -> None:
         raise DatasetError(f"expected the settings of simulated scenes in {path}: {error}") from error
     differing = [name for name in expected if found.get(name) != expected[name]]
     if differing:
+        told = [f"{name} ({found.get(name)} there, {expected[name]} here)" for name in differing if name != "label_rules"]
         raise DatasetError(
-            f"expected scenes with these settings in {folder}, it differs in "
-            + ", ".join(f"{name} ({found.get(name)} there, {expected[name]} here)" for name in differing)
-            + ": choose another folder, or its settings"
+            f"expected scenes with these settings in {folder}, it differs in {', '.join(told) or 'the label rules'}: "
+            "choose another folder, or its settings"
         )
 
 
@@ -282,6 +306,7 @@ def _write_scene(folder: Path, index: int, settings: Simulation) -> None:
         "orientation": scene.orientation,
         "camera": asdict(scene.camera),
         "labels": len(made.rectangles),
+        "label_rule": made.rule,
     }
     write_text(_file(folder, index, "scene.json"), json.dumps(record) + "\n")
 
