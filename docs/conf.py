@@ -1,6 +1,10 @@
-"""Sphinx: `sphinx-build -W --keep-going docs docs/_build/html`. Needs the extra `docs`, and no network."""
+"""Sphinx: `sphinx-build -W --keep-going docs docs/_build/html`. Needs the extra `docs`, and no network.
+
+The cells of the tutorial are run, which takes minutes; `-D nb_execution_mode=off` leaves them and their outputs out.
+"""
 
 import inspect
+import os
 import pkgutil
 import re
 from collections import defaultdict
@@ -15,11 +19,19 @@ import ggcnn_net2net as gn
 project = gn.__name__
 author = "the ggcnn_net2net authors"
 version = release = gn.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx_click"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx_click"]
 html_theme = "furo"
 html_title = f"{project} {version}"
 smartquotes = False  # commands and options are to be copied
 exclude_patterns = ["_build"]
+
+nb_execution_mode = "force"
+nb_execution_in_temp = True  # cells write files
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600  # seconds a cell
+nb_merge_streams = True
+nb_output_stderr = "warn"  # log lines do not belong on the page
+os.environ["JUPYTER_PREFER_ENV_PATH"] = "1"  # cells run in this environment, whatever kernels the user has
 
 myst_heading_anchors = 3
 myst_enable_extensions = ["substitution"]

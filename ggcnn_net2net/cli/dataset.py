@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ggcnn_net2net.cli.options import PROTOCOL, WORKERS
+from ggcnn_net2net.cli.options import GRIPPER, PROTOCOL, WORKERS, Picture, gripper_of
 
 if TYPE_CHECKING:
     from ggcnn_net2net.datasets.raw import Problem
@@ -123,6 +123,7 @@ def build(
 )
 @SEED
 @PROTOCOL
+@GRIPPER
 @WORKERS
 def simulate(
     output: Path,
@@ -132,6 +133,7 @@ def simulate(
     looser_labels: bool,
     seed: int,
     protocol_name: str,
+    gripper_file: Path | None,
     workers: int,
 ) -> None:
     """Simulate scenes of training objects, none of the benchmark's, with antipodal grasps for labels.
@@ -149,8 +151,14 @@ def simulate(
     from ggcnn_net2net.datasets.simulated import Simulation, simulate_folder
     from ggcnn_net2net.protocol import protocol_named
 
-    protocol = protocol_named(protocol_name)
-    settings = Simulation(seed=seed, noise=noise, missing=missing, looser_labels=looser_labels, protocol=protocol)
+    settings = Simulation(
+        seed=seed,
+        noise=noise,
+        missing=missing,
+        looser_labels=looser_labels,
+        protocol=protocol_named(protocol_name),
+        gripper=gripper_of(gripper_file),
+    )
     with stages(Console()) as progress:
         labels = simulate_folder(output, count, settings, workers, lambda done, total: progress("scenes", done, total))
     click.echo(f"{len(labels)} scenes, {sum(labels.values()) / len(labels):.0f} labels a scene, written to {output}")
@@ -196,7 +204,7 @@ def split(folder: Path, by: str, test_fraction: float, seed: int, form: str | No
 
 @dataset.command()
 @click.argument("path", metavar="FILE|FOLDER", type=FOLDER)
-@OUTPUT
+@click.option("-o", "--output", required=True, type=Picture(), help="Picture to write.")
 @click.option("--count", default=20, show_default=True, type=click.IntRange(min=1), help="Images to show.")
 def preview(path: Path, output: Path, count: int) -> None:
     """Draw images, rectangles and label maps of a dataset or a folder of raw scenes.

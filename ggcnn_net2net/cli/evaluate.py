@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED
+from ggcnn_net2net.cli.options import GRIPPER, OBJECTS, PROTOCOL, SEED, Picture, gripper_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -40,7 +40,8 @@ def evaluate() -> None:
 @click.option("--pose", default=0, show_default=True, type=click.IntRange(min=0), help="Index of its pose.")
 @SEED
 @PROTOCOL
-@click.option("--picture", type=click.Path(path_type=Path, dir_okay=False), help="Write the phases as a PNG.")
+@GRIPPER
+@click.option("--picture", type=Picture(), help="Write the phases as a picture.")
 @click.option("--film", type=click.Path(path_type=Path, dir_okay=False), help="Write a film: .gif or .mp4.")
 @click.option("--gui", is_flag=True, help="Show the simulation in a window (needs a display).")
 def grasp(
@@ -50,6 +51,7 @@ def grasp(
     pose: int,
     seed: int,
     protocol_name: str,
+    gripper_file: Path | None,
     picture: Path | None,
     film: Path | None,
     gui: bool,
@@ -72,6 +74,7 @@ def grasp(
     from ggcnn_net2net.simulation.scenes import make_scene
     from ggcnn_net2net.simulation.world import World
 
+    gripper = gripper_of(gripper_file)
     import_tensorflow()
     recording = Film(film) if film is not None else None
     protocol = protocol_named(protocol_name)
@@ -87,9 +90,9 @@ def grasp(
         (found,) = predict_grasps(network, scene.depth[None], decoding)
         if recording is not None:
             recording.watch(world)
-        strip, result = trial_strip(world, scene, found, protocol)
+        strip, result = trial_strip(world, scene, found, protocol, gripper)
     if gui:
-        show_trial(scene, found, protocol)
+        show_trial(scene, found, protocol, gripper)
     click.echo(f"{scene.key}: {result.outcome}, {result.distance:.2f} m from the bin's centre, {result.steps} steps")
     if found is not None and result.grasp is not None:
         click.echo(
@@ -109,7 +112,7 @@ def grasp(
 @click.option("--objects", "objects_spec", metavar="SET", help="The object set, if it was a folder.")
 @click.option("--network", default="original", show_default=True, help="Row of the table.")
 @click.option("--count", default=10, show_default=True, type=click.IntRange(min=1), help="Most failures to draw.")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="PNG to write.")
+@click.option("-o", "--output", required=True, type=Picture(), help="Picture to write.")
 def failures(results: Path, objects_spec: str | None, network: str, count: int, output: Path) -> None:
     """Draw failed grasps of a finished benchmark, spread evenly over the objects, phase by phase.
 
@@ -124,7 +127,7 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
     from ggcnn_net2net.simulation.scenes import load_scenes
     from ggcnn_net2net.simulation.world import World
 
-    _, settings, protocol = read_settings(results / "results.json")
+    _, settings, protocol, gripper = read_settings(results / "results.json")
     objects = load_object_set(objects_spec or settings.object_set, protocol)
     scenes = {scene.key: scene for scene in load_scenes(results / "scenes.h5", objects, settings)}
     failed = [
@@ -139,7 +142,7 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
     with World() as world:
         for record in chosen:
             scene = scenes[f"{record.object}/{record.pose}"]
-            strip, _ = trial_strip(world, scene, record.grasp, protocol)
+            strip, _ = trial_strip(world, scene, record.grasp, protocol, gripper)
             strips.append(strip)
     save_strips(output, strips)
     click.echo(f"{len(chosen)} of {len(failed)} failures written to {output}")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED
+from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED, Picture
 
 if TYPE_CHECKING:
     from ggcnn_net2net.reproduce.experiments import Experiment
@@ -80,7 +80,7 @@ def running(function: Callable[..., Any]) -> Callable[..., Any]:
     *("-o", "--output"),
     default="results/fig1/fig1.png",
     show_default=True,
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=Picture(),
 )
 def fig1(
     model: str, objects_spec: str, object_name: str, pose: int, seed: int, protocol_name: str, output: Path

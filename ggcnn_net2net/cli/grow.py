@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ggcnn_net2net.cli.options import Picture
+
 if TYPE_CHECKING:
     import keras
     import numpy as np
@@ -18,20 +20,24 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="File to write.")
 @click.option("--seed", default=0, show_default=True, help="Seed of the filters that wider replicates.")
 @click.option("--noise", default=0.0, show_default=True, help="Noise that tells the clones of wider apart.")
-def grow_command(file: str, ops: str, output: Path, seed: int, noise: float) -> None:
+@click.option("--draw", type=Picture(), help="Picture of the kernels before and after.")
+def grow_command(file: str, ops: str, output: Path, seed: int, noise: float, draw: Path | None) -> None:
     """Grow the network in model FILE, a path, "published" or "zoo:NAME", so that it computes the same maps.
 
     Layers are counted from 1. The suffix of the output chooses its format: .hdf5 and .h5 open in every Keras from 2.0
     on, .keras in Keras 3. Prints how the number of parameters changed and how far the maps differ.
 
     \b
-    Example: ggcnn-net2net grow published --ops "deeper(3), wider(3)" -o grown.hdf5
+    Examples:
+      ggcnn-net2net grow published --ops "deeper(3), wider(3)" -o grown.hdf5
+      ggcnn-net2net grow zoo:narrow --ops "deeper(2), wider(3)" -o grown.hdf5 --draw grown.png
     """
     from ggcnn_net2net.errors import ModelFileError  # --help must not load what the work needs
     from ggcnn_net2net.model_files import load_ggcnn, save_ggcnn
     from ggcnn_net2net.model_files.load import source_path
     from ggcnn_net2net.model_files.save import check_writable
     from ggcnn_net2net.net2net import apply_operations
+    from ggcnn_net2net.net2net.pictures import draw_surgery
     from ggcnn_net2net.quiet import import_tensorflow
 
     import_tensorflow()
@@ -47,6 +53,9 @@ def grow_command(file: str, ops: str, output: Path, seed: int, noise: float) -> 
     for name, image in _test_images(model).items():
         click.echo(f"largest output difference on {name}: {_difference(model, grown, image):.2g}")
     click.echo(f"written to {output}")
+    if draw is not None:
+        draw_surgery(draw, model, grown, ops)
+        click.echo(f"picture: {draw}")
 
 
 def _test_images(model: keras.Model) -> dict[str, np.ndarray]:

@@ -25,6 +25,20 @@ COMMANDS = {
     "export": ("export", "export_command", "Write networks in the formats that grasp stacks load."),
 }
 INTERRUPTED = 130
+GREETING = """ggcnn_net2net grows, shrinks and judges GG-CNN grasp networks.
+
+First, see it work (about five minutes on 2 cores, nothing to prepare):
+
+  ggcnn-net2net reproduce table1                      the published GG-CNN grasps 40 objects in 5 poses each
+
+Then, what you came for:
+
+  ggcnn-net2net predict depth.png -o grasps           where to grasp in a depth image of yours
+  ggcnn-net2net dataset simulate -o simulated         grasp data to train on; `dataset build` also takes Cornell's
+  ggcnn-net2net search published data.h5 -o search    a better network by surgery and training
+  ggcnn-net2net export my_network.hdf5 --to onnx      a file for your grasp stack
+
+All commands: ggcnn-net2net --help. A tutorial: docs/tutorial.md."""
 
 
 class LazyGroup(click.Group):
@@ -54,10 +68,11 @@ class LazyGroup(click.Group):
 def cli(context: click.Context) -> None:
     """Grow, shrink and judge GG-CNN grasp networks.
 
-    Start here: `ggcnn-net2net reproduce table1` evaluates the published network on 40 objects x 5 poses.
+    \b
+    Example, and the place to start: ggcnn-net2net reproduce table1
     """
     if context.invoked_subcommand is None:
-        click.echo(context.get_help())
+        click.echo(GREETING)
 
 
 def main() -> None:
@@ -77,4 +92,6 @@ def run(command: click.Command, name: str) -> None:
         sys.exit(INTERRUPTED)
     except GGCNNError as error:
         click.echo(f"Error: {error}", err=True)
+        if error.page:
+            click.echo(f"More about this: {error.page}", err=True)
         sys.exit(1)

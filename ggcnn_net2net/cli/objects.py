@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from ggcnn_net2net.cli.options import PROTOCOL
+from ggcnn_net2net.cli.options import PROTOCOL, Picture
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("objects_spec", metavar="SET", default="procedural40")
-@click.option("--sheet", type=click.Path(path_type=Path, dir_okay=False), help="Write a contact sheet (PNG).")
+@click.option("--sheet", type=Picture(), help="Write a contact sheet.")
 @PROTOCOL
 def objects(objects_spec: str, sheet: Path | None, protocol_name: str) -> None:
     """List the objects of SET.

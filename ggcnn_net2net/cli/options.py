@@ -3,8 +3,30 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from ggcnn_net2net.simulation import GripperSpec
+
+PICTURE_SUFFIXES = (".png", ".pdf", ".svg", ".jpg")
+
+
+class Picture(click.Path):
+    """A picture to write. Another suffix must not come out after minutes, when the picture is due."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path, dir_okay=False)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Check the suffix."""
+        path = Path(str(super().convert(value, param, ctx)))
+        if path.suffix.lower() not in PICTURE_SUFFIXES:
+            self.fail(f"expected a picture, {', '.join(PICTURE_SUFFIXES)}; received {path.name}", param, ctx)
+        return path
+
 
 OBJECTS = click.option(
     "--objects",
@@ -23,6 +45,13 @@ PROTOCOL = click.option(
     type=click.Choice(["paper", "corrected"], case_sensitive=False),
     help="What to do where the published code has defects: the same, or what the paper means.",
 )
+GRIPPER = click.option(
+    "--gripper",
+    "gripper_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Your gripper's dimensions, a TOML file. [default: the paper's gripper]",
+)
 WORKERS = click.option(
     "--workers",
     default=os.cpu_count() or 1,
@@ -30,3 +59,10 @@ WORKERS = click.option(
     type=click.IntRange(min=1),
     help="Processes. Results do not depend on their number.",
 )
+
+
+def gripper_of(file: Path | None) -> GripperSpec:
+    """The gripper that the option names; the paper's without it."""
+    from ggcnn_net2net.simulation import PAPER_GRIPPER, load_gripper
+
+    return PAPER_GRIPPER if file is None else load_gripper(file)

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from ggcnn_net2net.cli.figures import epochs, everything, fig1, fig2, fig3
-from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED, WORKERS
+from ggcnn_net2net.cli.options import GRIPPER, OBJECTS, PROTOCOL, SEED, WORKERS, gripper_of
 
 CRASHED = 3
 """Exit code of a run that ended, but lost grasps to worker processes that died."""
@@ -39,9 +39,10 @@ def reproduce() -> None:
     "--output",
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder of the results. A second run with the same folder does only what is missing. "
-    "[default: results/table1-SET-POSESposes-seedSEED-PROTOCOL]",
+    "[default: results/table1-SET-POSESposes-seedSEED-PROTOCOL, with -FILE for a gripper of its own]",
 )
 @PROTOCOL
+@GRIPPER
 def table1(
     objects_spec: str,
     poses: int,
@@ -50,6 +51,7 @@ def table1(
     models: str | None,
     output: Path | None,
     protocol_name: str,
+    gripper_file: Path | None,
 ) -> int:
     """Table I: success of networks that grasp 40 objects in 5 poses each, in simulation.
 
@@ -58,6 +60,7 @@ def table1(
       python -m ggcnn_net2net.reproduce table1
       python -m ggcnn_net2net.reproduce table1 --poses 25   (1,000 grasps a network: what 200 cannot tell apart)
       python -m ggcnn_net2net.reproduce table1 --objects ycb40 --models original,my_network.hdf5
+      python -m ggcnn_net2net.reproduce table1 --objects ycb40 --gripper my_gripper.toml
 
     Exit codes: 0 done, 1 an error that is explained, 2 wrong usage, 3 done but grasps were lost to worker processes
     that died (run it again), 130 interrupted (run it again).
@@ -72,13 +75,14 @@ def table1(
     from ggcnn_net2net.reproduce.table1 import run_table1
     from ggcnn_net2net.simulation.object_sets import load_object_set
 
+    gripper = gripper_of(gripper_file)
     import_tensorflow()
     protocol = protocol_named(protocol_name)
     networks = load_networks(default_rows() if models is None else (name.strip() for name in models.split(",")))
     objects = load_object_set(objects_spec, protocol)
     if output is None:
         name = f"table1-{objects.name}-{poses}poses-seed{seed}-{protocol.name.lower()}"
-        output = Path("results") / name
+        output = Path("results") / (f"{name}-{gripper_file.stem}" if gripper_file else name)
     console = Console()
     with stages(console) as progress:
         table = run_table1(
@@ -88,6 +92,7 @@ def table1(
             poses=poses,
             seed=seed,
             protocol=protocol,
+            gripper=gripper,
             workers=workers,
             command=shlex.join(["python -m ggcnn_net2net.reproduce", *sys.argv[1:]]).replace("'", ""),
             on_progress=progress,

@@ -136,7 +136,11 @@ def run(model: str, dataset: Path, directory: Path, workers: int | None, schedul
 @SCHEDULER
 @click.option("--retry-failed", is_flag=True, help="Train candidates again that failed before.")
 def resume(directory: Path, workers: int | None, scheduler: str | None, retry_failed: bool) -> None:
-    """Go on with the search in DIRECTORY where it stopped. It ends as it would have without the interruption."""
+    """Go on with the search in DIRECTORY where it stopped. It ends as it would have without the interruption.
+
+    \b
+    Example: ggcnn-net2net search resume results/search
+    """
     from ggcnn_net2net.search import load_history, resume_search
 
     threads = load_history(directory).settings.threads
@@ -151,7 +155,11 @@ def resume(directory: Path, workers: int | None, scheduler: str | None, retry_fa
 @click.argument("directory", type=click.Path(path_type=Path, exists=True, file_okay=False))
 @click.option("-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="[default: DIRECTORY/report]")
 def report(directory: Path, output: Path | None) -> None:
-    """Tables and pictures of the search in DIRECTORY, which may still run: all candidates, the path, the tree."""
+    """Tables and pictures of the search in DIRECTORY, which may still run: all candidates, the path, the tree.
+
+    \b
+    Example: ggcnn-net2net search report results/search
+    """
     from ggcnn_net2net.search import load_history
 
     _report(load_history(directory), output or directory / "report")

@@ -22,7 +22,11 @@ def zoo_command() -> None:
 
 @zoo_command.command("list")
 def list_command() -> None:
-    """All networks: size, IoU rate, success in simulation."""
+    """All networks: size, IoU rate, success in simulation.
+
+    \b
+    Example: ggcnn-net2net zoo list
+    """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
@@ -43,7 +47,11 @@ def list_command() -> None:
 @zoo_command.command()
 @click.argument("name")
 def show(name: str) -> None:
-    """What made the network NAME, and what was measured of it, as JSON."""
+    """What made the network NAME, and what was measured of it, as JSON.
+
+    \b
+    Example: ggcnn-net2net zoo show extended
+    """
     import json
 
     from ggcnn_net2net import zoo

@@ -23,6 +23,7 @@ from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle, wrap_angle
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import PAPER, Protocol
+from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.antipodal import (
     LOOSER_RULES,
     AntipodalGrasps,
@@ -71,6 +72,8 @@ class Simulation:
     """Metres within which labels have to agree on the closing direction and the opening."""
     protocol: Protocol = PAPER
     """Decides where an object's centre lies."""
+    gripper: GripperSpec = PAPER_GRIPPER
+    """What is to grasp: labels have its openings, and fingers and palm find room."""
 
     def __post_init__(self) -> None:
         low, high = self.camera_heights
@@ -91,10 +94,11 @@ class Simulation:
         return (AntipodalRule(), *(LOOSER_RULES if self.looser_labels else ()))
 
     def as_dict(self) -> dict[str, Any]:
-        """Settings as JSON holds them."""
+        """Settings as JSON holds them; with a gripper if it is not the paper's."""
         own = {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": self.protocol.name}
+        del own["gripper"]
         # Labels of other rules must not mix in a folder.
-        return {**own, "label_rules": [asdict(rule) for rule in self.label_rules]}
+        return {**own, **self.gripper.as_setting(), "label_rules": [asdict(rule) for rule in self.label_rules]}
 
 
 @dataclass(frozen=True)
@@ -136,7 +140,7 @@ def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedS
         camera = _camera(position, (x, y, rng.uniform(*settings.camera_heights)))
         depth, rgb = camera.render(world.client)
         for number, rule in enumerate(settings.label_rules):
-            grasps, pixels = label_grasps(world, body, depth, camera, settings.place, rule)
+            grasps, pixels = label_grasps(world, body, depth, camera, settings.place, rule, settings.gripper)
             if len(grasps) >= settings.least_labels:
                 rectangles = _rectangles(grasps, pixels, depth, camera)
                 depth = _degrade(depth, rng, settings)
@@ -162,6 +166,7 @@ def label_grasps(
     camera: Camera,
     place: float,
     rule: AntipodalRule | None = None,
+    gripper: GripperSpec = PAPER_GRIPPER,
 ) -> tuple[AntipodalGrasps, npt.NDArray[np.intp]]:
     """Grasps of what the camera sees, one a place.
 
@@ -172,6 +177,7 @@ def label_grasps(
         camera: that took it.
         place: metres within which grasps have to agree.
         rule: what makes a grasp; the usual rule by default.
+        gripper: what is to grasp; the paper's by default.
 
     Returns:
         The grasps and the pixels (row, col) of their points.
@@ -182,7 +188,7 @@ def label_grasps(
     chosen = np.zeros_like(seen)
     chosen[::stride, ::stride] = seen[::stride, ::stride]
     rows, cols = np.nonzero(chosen)
-    grasps = find_antipodal_grasps(world.client, body, points[rows, cols], rule)
+    grasps = find_antipodal_grasps(world.client, body, points[rows, cols], rule, gripper)
     grasps = rows_of(grasps, agreeing(grasps, place))
     return grasps, np.stack([rows, cols], axis=1)[grasps.origin]
 
@@ -262,7 +268,7 @@ def simulate_folder(
 
 def _claim(folder: Path, settings: Simulation) -> None:
     """Write the settings into a new folder, or see that they are those of an old one."""
-    expected = json.loads(json.dumps({"format": FORMAT, **settings.as_dict()}))
+    expected = {"format": FORMAT, **settings.as_dict()}
     path = folder / "simulation.json"
     if not path.is_file():
         write_text(path, json.dumps(expected, indent=1) + "\n")
@@ -271,9 +277,10 @@ def _claim(folder: Path, settings: Simulation) -> None:
         found = dict(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
         raise DatasetError(f"expected the settings of simulated scenes in {path}: {error}") from error
-    differing = [name for name in expected if found.get(name) != expected[name]]
+    here, there = ({"gripper": "the paper's", **values} for values in (expected, found))
+    differing = [name for name in here if there.get(name) != here[name]]
     if differing:
-        told = [f"{name} ({found.get(name)} there, {expected[name]} here)" for name in differing if name != "label_rules"]
+        told = [f"{name} ({there.get(name)} there, {here[name]} here)" for name in differing if name != "label_rules"]
         raise DatasetError(
             f"expected scenes with these settings in {folder}, it differs in {', '.join(told) or 'the label rules'}: "
             "choose another folder, or its settings"

@@ -30,6 +30,7 @@ FloatMap = npt.NDArray[np.floating]
 _RED = "#ff3b30"
 _HOVER = 0.06  # metres between the fingertips and where they will go
 _WAITING = 0.4  # metres above the plane, without a grasp
+_STROKES_APART = 10  # pixels
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,8 @@ def draw(path: Path, prediction: Prediction, network: str, protocol: Protocol) -
     quality, angle, width, depth = panels.ravel()
     low, high = prediction.quality.min(), prediction.quality.max()
     _map(quality, prediction.normalised_quality, f"quality, normalised from {low:.2g} to {high:.2g}", "viridis", (0, 1))
-    bar = _map(angle, prediction.angle, "angle [rad]", "twilight", (-np.pi / 2, np.pi / 2))
+    bar = _map(angle, prediction.angle, "angle [rad]; strokes: closing direction", "twilight", (-np.pi / 2, np.pi / 2))
+    _stroke_angles(angle, prediction)
     bar.set_ticks([-np.pi / 2, -np.pi / 4, 0, np.pi / 4, np.pi / 2], labels=["-π/2", "-π/4", "0", "π/4", "π/2"])
     _map(width, prediction.width, "gripper width [px]", "magma", (0, max(1.0, float(prediction.width.max()))))
     seen = prediction.scene.depth
@@ -140,6 +142,27 @@ def draw(path: Path, prediction: Prediction, network: str, protocol: Protocol) -
     figure.suptitle(f"{title}\n{caption}", fontsize=12)
     with replacing(path) as temporary:
         figure.savefig(temporary)
+
+
+def _stroke_angles(axes: Any, prediction: Prediction) -> None:
+    """Draw closing directions where a grasp could be: the colours are cyclic, so that in grey ±45° look the same."""
+    height, width = prediction.quality.shape
+    row, col = np.mgrid[0:height:_STROKES_APART, 0:width:_STROKES_APART]
+    good = prediction.quality[row, col] >= RSS_2018.threshold
+    theta = prediction.angle[row, col][good]
+    axes.quiver(
+        *(col[good], row[good], np.cos(theta), np.sin(theta)),
+        pivot="mid",
+        scale_units="x",
+        scale=1 / (0.8 * _STROKES_APART),
+        color="white",
+        edgecolor="black",
+        linewidth=0.4,
+        width=0.008,
+        headwidth=0,
+        headlength=0,
+        headaxislength=0,
+    )
 
 
 def _map(axes: Any, values: FloatMap, title: str, colours: str, limits: tuple[float, float]) -> Any:

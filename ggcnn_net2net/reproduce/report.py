@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import fields
 from pathlib import Path
 from textwrap import fill
 
@@ -75,6 +76,10 @@ def captions(table: Table1) -> list[str]:
         "Success: object within 0.7 m of the bin's centre (the paper's rule); in bin: between its walls. Interval: "
         f"Wilson. Paper: its accuracy. p: McNemar's exact test against {original}, same scenes.",
     ]
+    sizes = {field.name: (getattr(table.gripper, field.name), field.default) for field in fields(table.gripper)}
+    changed = ", ".join(f"{name} {value}" for name, (value, of_paper) in sizes.items() if value != of_paper)
+    if changed:
+        lines.append(f"Gripper not the paper's: {changed}. Rates of different grippers cannot be compared.")
     if table.has_control:
         lines.append(
             f"{CONTROL_HEADING}: the same test against the row {CONTROL}, the original with more training and no "

@@ -13,12 +13,13 @@ from typing import Any
 
 from ggcnn_net2net import __version__
 from ggcnn_net2net.atomic import write_text
-from ggcnn_net2net.errors import ResultsError
+from ggcnn_net2net.errors import ResultsError, SimulationError
 from ggcnn_net2net.model_files import PUBLISHED_SHA256
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.reproduce.networks import CONTROL, Network, short_hash
 from ggcnn_net2net.reproduce.records import GraspRecord
 from ggcnn_net2net.reproduce.statistics import PairedComparison, Rate
+from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.scenes import SceneSettings
 from ggcnn_net2net.simulation.trial import Outcome
 
@@ -56,6 +57,7 @@ class Table1:
     scenes: SceneSettings
     protocol: Protocol
     rows: tuple[Table1Row, ...]
+    gripper: GripperSpec = PAPER_GRIPPER
 
     @property
     def crashed(self) -> int:
@@ -74,7 +76,11 @@ class Table1:
 
 
 def summarise(
-    networks: Sequence[Network], records: Iterable[GraspRecord], scenes: SceneSettings, protocol: Protocol
+    networks: Sequence[Network],
+    records: Iterable[GraspRecord],
+    scenes: SceneSettings,
+    protocol: Protocol,
+    gripper: GripperSpec = PAPER_GRIPPER,
 ) -> Table1:
     """Count the records of each network."""
     by_weights: dict[str, dict[tuple[str, int], GraspRecord]] = {}
@@ -89,6 +95,7 @@ def summarise(
         scenes,
         protocol,
         tuple(_row(network, by_weights.get(network.weights, {}), original, control) for network in networks),
+        gripper,
     )
 
 
@@ -111,9 +118,10 @@ def _compared(reference: Records, own: Records) -> PairedComparison | None:
     return PairedComparison.of([reference[key].success for key in common], [own[key].success for key in common])
 
 
-def settings_of(scenes: SceneSettings, protocol: Protocol) -> dict[str, Any]:
-    """Everything that a results folder's rows have in common."""
-    return {"scenes": asdict(scenes), "protocol": protocol.as_dict(), "versions": versions()}
+def settings_of(scenes: SceneSettings, protocol: Protocol, gripper: GripperSpec) -> dict[str, Any]:
+    """Everything that a results folder's rows have in common; a gripper only where it is not the paper's."""
+    settings = {"scenes": asdict(scenes), "protocol": protocol.as_dict(), **gripper.as_setting()}
+    return {**settings, "versions": versions()}
 
 
 def versions() -> dict[str, str]:
@@ -128,22 +136,23 @@ def versions() -> dict[str, str]:
     return found
 
 
-def read_settings(path: Path) -> tuple[dict[str, Any], SceneSettings, Protocol]:
-    """Settings that a results.json was made with: as stored, and its scenes and protocol.
+def read_settings(path: Path) -> tuple[dict[str, Any], SceneSettings, Protocol, GripperSpec]:
+    """Settings that a results.json was made with: as stored, and its scenes, protocol and gripper.
 
     Args:
         path: the results.json.
 
     Returns:
-        Settings as stored, scenes, protocol.
+        Settings as stored, scenes, protocol, gripper.
 
     Raises:
         ResultsError: no such file, or one that is damaged or of another version.
     """
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))["settings"]
-        return stored, SceneSettings(**stored["scenes"]), Protocol(**stored["protocol"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        gripper = GripperSpec.from_dict(stored.get("gripper", {}))
+        return stored, SceneSettings(**stored["scenes"]), Protocol(**stored["protocol"]), gripper
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, SimulationError) as error:
         raise ResultsError(
             f"expected {path} to hold the settings of a results folder, cannot read it: {error!r}; name another folder"
         ) from error
@@ -157,12 +166,12 @@ def check_settings(path: Path, settings: dict[str, Any]) -> None:
         settings: of the run that is to come, see `settings_of`.
 
     Raises:
-        ResultsError: other scenes, protocol or versions.
+        ResultsError: other scenes, protocol, gripper or versions.
     """
     if not path.is_file():
         return
-    before, _, _ = read_settings(path)
-    for name, value in settings.items():
+    before, now = ({"gripper": "the paper's", **values} for values in (read_settings(path)[0], settings))
+    for name, value in now.items():
         if before.get(name) != value:
             raise ResultsError(
                 f"expected to continue {path.parent} with the {name} it was begun with, {before.get(name)}, received "

@@ -13,6 +13,7 @@ from ggcnn_net2net.reproduce.networks import Network
 from ggcnn_net2net.reproduce.records import GraspRecord, RecordFile
 from ggcnn_net2net.reproduce.report import write_chart, write_markdown
 from ggcnn_net2net.reproduce.results import Table1, check_settings, settings_of, summarise, write_results
+from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.benchmark import prepare_scenes, run_trials
 from ggcnn_net2net.simulation.object_sets import ObjectSet
 from ggcnn_net2net.simulation.scenes import Scene, SceneSettings, depth_images
@@ -30,6 +31,7 @@ def run_table1(
     poses: int = 5,
     seed: int = 0,
     protocol: Protocol = PAPER,
+    gripper: GripperSpec = PAPER_GRIPPER,
     workers: int = 1,
     command: str = "",
     on_progress: Progress = lambda *_: None,
@@ -46,6 +48,7 @@ def run_table1(
         poses: random poses of each object.
         seed: of the scenes.
         protocol: see `Protocol`.
+        gripper: what grasps; the paper's by default. Scenes do not depend on it.
         workers: processes for the simulation.
         command: how the user started it, for the record.
         on_progress: told about every scene and grasp.
@@ -58,11 +61,11 @@ def run_table1(
         SceneError: `output` holds other scenes.
     """
     scene_settings = SceneSettings.of(objects, poses, seed)
-    settings = settings_of(scene_settings, protocol)
+    settings = settings_of(scene_settings, protocol, gripper)
     results_file, records_file = output / "results.json", RecordFile(output / "grasps.csv")
     check_settings(results_file, settings)
     records = {record.key: record for record in records_file.read() if record.outcome != Outcome.CRASHED}
-    table = summarise(networks, records.values(), scene_settings, protocol)
+    table = summarise(networks, records.values(), scene_settings, protocol, gripper)
     write_results(results_file, table, settings, command, finished=False)
     records_file.rewrite(records.values())
 
@@ -80,7 +83,7 @@ def run_table1(
         missing = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in records]
         done = len(scenes) - len(missing)
         on_progress(network.name, done, len(places))
-        for record in _judge(network, missing, protocol, workers):
+        for record in _judge(network, missing, protocol, workers, gripper):
             records[record.key] = record
             records_file.append(record)
             done += 1
@@ -92,7 +95,7 @@ def run_table1(
 
     place_of = {(model.name, pose): place for place, (model, pose) in enumerate(places)}
     ordered = sorted(records.values(), key=lambda record: (record.model, place_of[record.object, record.pose]))
-    table = summarise(networks, ordered, scene_settings, protocol)
+    table = summarise(networks, ordered, scene_settings, protocol, gripper)
     records_file.rewrite(ordered)
     write_results(results_file, table, settings, command, finished=table.crashed == 0)
     write_markdown(output / "table1.md", table, command, settings["versions"])
@@ -100,12 +103,14 @@ def run_table1(
     return table
 
 
-def _judge(network: Network, scenes: Sequence[Scene], protocol: Protocol, workers: int) -> Iterator[GraspRecord]:
+def _judge(
+    network: Network, scenes: Sequence[Scene], protocol: Protocol, workers: int, gripper: GripperSpec
+) -> Iterator[GraspRecord]:
     """Predict a grasp for every scene and execute it."""
     if not scenes:
         return
     decoding = replace(RSS_2018, angle_window=protocol.sim_angle_window)
     grasps = predict_grasps(network.model, depth_images(scenes), decoding)
-    for index, result in run_trials(scenes, grasps, protocol, workers):
+    for index, result in run_trials(scenes, grasps, protocol, workers, gripper):
         scene = scenes[index]
         yield GraspRecord.of(network.name, network.weights, scene.model, scene.pose, grasps[index], result)

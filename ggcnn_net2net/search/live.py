@@ -166,7 +166,7 @@ def _lines(history: SearchHistory, event: Event) -> list[str]:
     if kind == "level":
         return [f"{_position(history, event)}: {len(event['candidates'])} candidates, {event['known']} known"]
     if kind == "finished":
-        return ["finished", *counts(history)]
+        return ["finished"]  # the counts follow in the summary
     if kind not in ("scored", "failed", "committed"):
         return []
     candidate = history.candidates[event["candidate"]]

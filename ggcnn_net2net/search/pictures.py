@@ -36,7 +36,7 @@ def write_depth_chart(history: SearchHistory, path: Path) -> None:
     kept = history.kept
     shown = [item for item in history.candidates.values() if item.comparable]
     _dots(axes, [(item.depth, item.score) for item in shown if item.key not in kept], OTHER, "candidate")
-    _dots(axes, [(item.depth, item.score) for item in shown if item.key in kept], KEPT, "kept in the beam")
+    _dots(axes, [(item.depth, item.score) for item in shown if item.key in kept], KEPT, "kept in the beam", "^")
     points = [(item, score) for item, score in history.path if not math.isnan(score)]
     _line(axes, [(item.depth, score) for item, score in points], PATH, "committed path")
     for (item, score), (_, following) in zip(points, [*points[1:], points[-1]], strict=True) if points else ():
@@ -276,8 +276,8 @@ def _chart(history: SearchHistory) -> tuple[Any, Any]:
     return figure, axes
 
 
-def _dots(axes: Any, points: Sequence[Point], colour: str, label: str) -> None:
-    axes.scatter(*_columns(points), s=18, alpha=0.6, color=colour, linewidths=0, label=label)
+def _dots(axes: Any, points: Sequence[Point], colour: str, label: str, marker: str = "o") -> None:
+    axes.scatter(*_columns(points), s=18, alpha=0.6, color=colour, marker=marker, linewidths=0, label=label)
 
 
 def _line(axes: Any, points: Sequence[Point], colour: str, label: str, **style: Any) -> None:

@@ -4,6 +4,9 @@ Frames: world coordinates in metres, z up, the ground plane at z = 0. Quaternion
 """
 
 from ggcnn_net2net.quiet import silence_output
+from ggcnn_net2net.simulation.gripper_spec import PAPER_GRIPPER, GripperSpec, load_gripper
 
 with silence_output():  # pybullet prints its build time when it is imported
     import pybullet  # noqa: F401
+
+__all__ = ["PAPER_GRIPPER", "GripperSpec", "load_gripper"]

@@ -21,11 +21,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import maximum_filter
 
-from ggcnn_net2net.simulation.gripper import GripperSpec
+from ggcnn_net2net.simulation.gripper_spec import GripperSpec
 
 FloatArray = npt.NDArray[np.float64]
 
 _CELL = 0.002  # between the rays of the height map, and the samples taken from it
+_ACROSS = 0.005  # between the lines along the closing direction
 _RAYS_AT_ONCE = 16_000  # pybullet takes at most 16384
 _RAY_HEIGHTS = np.array([0.04, 0.12, 0.3, 0.6, 0.92])  # above the tip, in lengths of the finger; low things count
 _RAYS_ACROSS = np.array([-0.6, 0.0, 0.6])  # from the finger's middle, in halves of its width
@@ -241,20 +242,27 @@ class _Room:
 
 def _free_space(heights: _HeightMap, candidates: _Candidates, rule: AntipodalRule, gripper: GripperSpec) -> _Room:
     """The first free space outwards from the point, on both sides: a handle is gripped by itself, not with its mug."""
-    reach = gripper.max_opening / 2 + gripper.finger_thickness
-    steps = np.arange(-round(reach / _CELL), round(reach / _CELL) + 1)
-    highest = np.zeros((len(candidates.angle), len(steps)))
-    line = candidates.point[:, None, :2] + candidates.closing[:, None] * (steps * _CELL)[:, None]
-    for across in np.linspace(-0.5, 0.5, 5) * gripper.finger_width:
-        np.maximum(highest, heights.at(line + candidates.jaw[:, None] * across), out=highest)
-    palm = np.maximum(candidates.point[:, 2], gripper.finger_length) + rule.palm_play
+    highest = _profile(heights, candidates, gripper.max_opening / 2 + gripper.finger_thickness, gripper.finger_width)
     occupied = highest > candidates.tip[:, None] + 0.001
-    middle = len(steps) // 2
+    middle = highest.shape[1] // 2
     sides = np.stack([occupied[:, middle:], occupied[:, middle::-1]], axis=1)  # (n, 2, outwards)
     first, last = _first_run(~sides, round((gripper.finger_thickness + rule.least_margin) / _CELL))
     nearest, farthest = first.max(axis=1) * _CELL, last.min(axis=1) * _CELL - gripper.finger_thickness
-    exists = (first > 0).all(axis=1) & (nearest <= farthest) & (highest.max(axis=1) <= palm)
+    exists = (first > 0).all(axis=1) & (nearest <= farthest)
+    below_palm = _profile(heights, rows_of(candidates, exists), gripper.palm[0] / 2, gripper.palm[1]).max(axis=1)
+    palm = np.maximum(candidates.point[exists, 2], gripper.finger_length) + rule.palm_play
+    exists[exists] = below_palm <= palm
     return _Room(exists, nearest, np.minimum(farthest, gripper.max_opening / 2))
+
+
+def _profile(heights: _HeightMap, candidates: _Candidates, reach: float, width: float) -> FloatArray:
+    """Heights (n, steps) along the closing direction, from -reach to reach, each the highest within `width` across."""
+    steps = np.arange(-round(reach / _CELL), round(reach / _CELL) + 1) * _CELL
+    highest = np.zeros((len(candidates.angle), len(steps)))
+    line = candidates.point[:, None, :2] + candidates.closing[:, None] * steps[:, None]
+    for across in np.linspace(-0.5, 0.5, max(5, round(width / _ACROSS) + 1)) * width:
+        np.maximum(highest, heights.at(line + candidates.jaw[:, None] * across), out=highest)
+    return highest
 
 
 def _first_run(free: npt.NDArray[np.bool_], length: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from ggcnn_net2net.grasping import Grasp
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import Protocol
+from ggcnn_net2net.simulation.gripper_spec import GripperSpec
 from ggcnn_net2net.simulation.object_sets import ObjectModel, ObjectSet
 from ggcnn_net2net.simulation.scenes import Scene, SceneSettings, load_scenes, make_scene, save_scenes
 from ggcnn_net2net.simulation.trial import Outcome, TrialResult, run_trial
@@ -21,8 +22,8 @@ def _make_scene(model: ObjectModel, pose: int, seed: int) -> Scene:
     return make_scene(process_world(), model, pose, seed)
 
 
-def _run_trial(scene: Scene, grasp: Grasp | None, protocol: Protocol) -> TrialResult:
-    return run_trial(process_world(), scene, grasp, protocol)
+def _run_trial(scene: Scene, grasp: Grasp | None, protocol: Protocol, gripper: GripperSpec | None) -> TrialResult:
+    return run_trial(process_world(), scene, grasp, protocol, gripper)
 
 
 def prepare_scenes(
@@ -71,7 +72,11 @@ def prepare_scenes(
 
 
 def run_trials(
-    scenes: Sequence[Scene], grasps: Sequence[Grasp | None], protocol: Protocol, workers: int
+    scenes: Sequence[Scene],
+    grasps: Sequence[Grasp | None],
+    protocol: Protocol,
+    workers: int,
+    gripper: GripperSpec | None = None,
 ) -> Iterator[tuple[int, TrialResult]]:
     """Execute one grasp on each scene.
 
@@ -80,12 +85,13 @@ def run_trials(
         grasps: a grasp in the pixels of each scene's image, or None where the network found none.
         protocol: see `Protocol`.
         workers: processes.
+        gripper: what grasps; the paper's by default.
 
     Yields:
         Index of the scene and result, as they come. A trial on which a worker died twice is a failure with the outcome
         `Outcome.CRASHED`.
     """
-    inputs = ((scene, grasp, protocol) for scene, grasp in zip(scenes, grasps, strict=True))
+    inputs = ((scene, grasp, protocol, gripper) for scene, grasp in zip(scenes, grasps, strict=True))
     for index, result in run_parallel(_run_trial, inputs, workers):
         if isinstance(result, Crash):
             distance = Bin().horizontal_distance(scenes[index].position)

@@ -19,6 +19,7 @@ from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.quiet import silence_output
 from ggcnn_net2net.simulation.camera import Camera
+from ggcnn_net2net.simulation.gripper_spec import GripperSpec
 from ggcnn_net2net.simulation.object_sets import ObjectSet
 from ggcnn_net2net.simulation.scenes import Scene
 from ggcnn_net2net.simulation.trial import TrialResult, run_trial
@@ -27,9 +28,7 @@ from ggcnn_net2net.simulation.world import World
 Image = npt.NDArray[np.uint8]
 
 FILM_RATE = 25  # frames per simulated second
-FILM_CAMERA = Camera(
-    target=(0.65, 0.65, 0.25), position=(-0.9, -0.35, 1.25), up=(0, 0, 1), fov=50, width=480, height=360
-)
+FILM_CAMERA = Camera(target=(0.75, 0.7, 0.3), position=(0.0, -1.15, 1.25), up=(0, 0, 1), fov=56, width=480, height=360)
 
 
 @dataclass
@@ -81,7 +80,9 @@ class Strip:
     pictures: list[Image]
 
 
-def trial_strip(world: World, scene: Scene, grasp: Grasp | None, protocol: Protocol) -> tuple[Strip, TrialResult]:
+def trial_strip(
+    world: World, scene: Scene, grasp: Grasp | None, protocol: Protocol, gripper: GripperSpec | None = None
+) -> tuple[Strip, TrialResult]:
     """Run a trial and keep a picture at the beginning of each of its phases, seen from close by until it is carried."""
     near = Camera(
         target=(scene.position[0], scene.position[1], 0.08),
@@ -96,29 +97,30 @@ def trial_strip(world: World, scene: Scene, grasp: Grasp | None, protocol: Proto
         if phase != "approach":
             pictures.append(camera.render(world.client)[1])
 
-    result = run_trial(world, scene, grasp, protocol, on_phase=take)
+    result = run_trial(world, scene, grasp, protocol, gripper, on_phase=take)
     return Strip(f"{scene.key}: {result.outcome}", pictures), result
 
 
-def show_trial(scene: Scene, grasp: Grasp | None, protocol: Protocol) -> None:
+def show_trial(scene: Scene, grasp: Grasp | None, protocol: Protocol, gripper: GripperSpec | None = None) -> None:
     """Run a trial in a window, in a process of its own: OpenGL and TensorFlow in one process can crash it.
 
     Args:
         scene: what to grasp.
         grasp: in pixels of the scene's image; None: nothing is grasped.
         protocol: how.
+        gripper: what grasps; the paper's by default.
 
     Raises:
         SimulationError: there is no display, or the window could not be opened.
     """
-    ((_, outcome),) = run_parallel(_run_in_window, [(scene, grasp, protocol)], workers=1)
+    ((_, outcome),) = run_parallel(_run_in_window, [(scene, grasp, protocol, gripper)], workers=1)
     if isinstance(outcome, Crash):
         raise SimulationError(f"expected pybullet to open a window, its process died (exit code {outcome.exit_code})")
 
 
-def _run_in_window(scene: Scene, grasp: Grasp | None, protocol: Protocol) -> None:
+def _run_in_window(scene: Scene, grasp: Grasp | None, protocol: Protocol, gripper: GripperSpec | None) -> None:
     with silence_output(), World(gui=True) as world:
-        run_trial(world, scene, grasp, protocol)
+        run_trial(world, scene, grasp, protocol, gripper)
 
 
 def draw_grasp(rgb: Image, grasp: Grasp | None) -> Image:

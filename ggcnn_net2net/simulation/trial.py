@@ -12,7 +12,8 @@ import numpy.typing as npt
 from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle
 from ggcnn_net2net.protocol import PAPER, Protocol
 from ggcnn_net2net.simulation.camera import Camera
-from ggcnn_net2net.simulation.gripper import Gripper, GripperSpec
+from ggcnn_net2net.simulation.gripper import Gripper
+from ggcnn_net2net.simulation.gripper_spec import GripperSpec
 from ggcnn_net2net.simulation.scenes import Scene
 from ggcnn_net2net.simulation.world import Bin, Vector, World
 

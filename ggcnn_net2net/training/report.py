@@ -32,12 +32,16 @@ def write_curves(history: History, path: Path, title: str) -> None:
         figure.savefig(temporary, dpi=120)
 
 
+_MARKERS = "osv^"  # colours alone cannot be told apart in grey
+
+
 def _plot(axes: Any, history: History, names: dict[str, str]) -> None:
     epochs = [entry["epoch"] + 1 for entry in history]
     for number, (label, name) in enumerate(names.items()):
-        axes.plot(epochs, [entry[name] for entry in history], color=f"C{number}", label=label)
+        style = {"color": f"C{number}", "marker": _MARKERS[number], "markersize": 4}
+        axes.plot(epochs, [entry[name] for entry in history], label=label, **style)
         if f"val_{name}" in history[0]:
-            axes.plot(epochs, [entry[f"val_{name}"] for entry in history], color=f"C{number}", linestyle="--")
+            axes.plot(epochs, [entry[f"val_{name}"] for entry in history], linestyle="--", **style)
     axes.set_xlabel("epoch (dashed: validation)")
     axes.set_yscale("log")
-    axes.legend()
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=len(names), frameon=False)

@@ -37,16 +37,18 @@ def _sim(sha256: str, file: Path) -> dict[str, Any]:
     try:
         rows = [row for row in content["networks"] if row["sha256"] == sha256 and row["success"]]
         _expect_one(rows, sha256, file)
-        scenes = content["settings"]["scenes"]
+        settings = content["settings"]
+        scenes = settings["scenes"]
         return {
             "objects": scenes["object_set"],
             "poses": scenes["poses"],
             "seed": scenes["seed"],
-            "protocol": content["settings"]["protocol"]["name"],
+            "protocol": settings["protocol"]["name"],
+            **{name: settings[name] for name in ("gripper",) if name in settings},  # where it is not the paper's
             "success": rows[0]["success"],
             "in_bin": rows[0]["in_bin"],
             "command": content["command"],
-            "versions": content["settings"]["versions"],
+            "versions": settings["versions"],
         }
     except (KeyError, TypeError) as error:
         raise ResultsError(f"expected results of `reproduce table1` in {file}, it lacks {error!r}") from error

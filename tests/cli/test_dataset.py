@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from ggcnn_net2net.cli.dataset import dataset
-from ggcnn_net2net.errors import DatasetError
+from ggcnn_net2net.errors import DatasetError, SimulationError
 
 
 def call(*arguments):
@@ -55,6 +55,19 @@ def test_from_raw_to_joined(folder, tmp_path):
 @pytest.mark.parametrize("command", ["build", "concat", "split", "preview", "info"])
 def test_every_command_has_an_example(command):
     assert "Example: ggcnn-net2net dataset " + command in call(command, "--help")
+
+
+def test_scenes_for_a_gripper(tmp_path):
+    gripper, folder = tmp_path / "small.toml", tmp_path / "simulated"
+    gripper.write_text("palm = [0.1, 0.02, 0.01]\nmax_opening = 0.08\n")
+    arguments = ("simulate", "-o", folder, "--scenes", 1, "--workers", 1)
+    assert "1 scenes" in call(*arguments, "--gripper", gripper)
+    assert '"max_opening": 0.08' in (folder / "simulation.json").read_text()
+    with pytest.raises(DatasetError, match="differs in gripper"):
+        call(*arguments)
+    gripper.write_text("max_opening = 80\n")
+    with pytest.raises(SimulationError, match=r"metres.*small\.toml"):
+        call(*arguments, "--gripper", gripper)
 
 
 def test_errors_name_the_path(tmp_path):

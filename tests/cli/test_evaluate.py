@@ -9,6 +9,7 @@ from ggcnn_net2net.cli.evaluate import evaluate
 from ggcnn_net2net.cli.objects import objects
 from ggcnn_net2net.cli.reproduce import reproduce
 from ggcnn_net2net.errors import GGCNNError, ObjectSetError, ResultsError
+from ggcnn_net2net.simulation import pictures
 from ggcnn_net2net.simulation.convex import box, write_obj
 
 
@@ -54,6 +55,27 @@ def test_one_grasp_with_picture_and_films(folder, tmp_path, data_root):
         call(evaluate, "grasp", *arguments, "--film", tmp_path / "brick.avi")
     with pytest.raises(ObjectSetError, match="brick, wall"):
         call(evaluate, "grasp", "published", "--objects", folder, "--object", "vase")
+
+
+def test_own_gripper(folder, tmp_path, data_root, monkeypatch):
+    """A grasp, a benchmark in a folder of its own name, and its failures, with the gripper that is on record."""
+    monkeypatch.chdir(tmp_path)
+    gripper = tmp_path / "claw.toml"
+    gripper.write_text("palm = [0.1, 0.02, 0.01]\nmax_opening = 0.08\n")
+    options = ("--objects", folder, "--gripper", gripper)
+    assert call(evaluate, "grasp", "published", "--object", "brick", *options).output.startswith("brick/0: success")
+    thin = tmp_path / "thin.toml"
+    thin.write_text("max_opening = 0.02\n")
+    output = call(evaluate, "grasp", "published", "--object", "brick", "--objects", folder, "--gripper", thin).output
+    assert output.startswith("brick/0: missed")
+    call(reproduce, "table1", "--poses", 1, "--models", "original", *options)
+    out = tmp_path / "results" / "table1-bricks-1poses-seed0-paper-claw"
+    assert '"max_opening": 0.08' in (out / "results.json").read_text()
+    used = []
+    run_trial = pictures.run_trial
+    monkeypatch.setattr(pictures, "run_trial", lambda *args, **kwargs: used.append(args) or run_trial(*args, **kwargs))
+    call(evaluate, "failures", out, "--objects", folder, "-o", tmp_path / "failures.png")
+    assert [arguments[4].max_opening for arguments in used] == [0.08]
 
 
 def test_failures_of_a_benchmark(folder, tmp_path, data_root):

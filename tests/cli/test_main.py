@@ -1,13 +1,16 @@
+import inspect
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import click
 import pytest
+from click.testing import CliRunner
 
-from ggcnn_net2net import reference_data, zoo
-from ggcnn_net2net.cli.main import COMMANDS, INTERRUPTED, cli, run
-from ggcnn_net2net.errors import GGCNNError
+from ggcnn_net2net import errors, reference_data, zoo
+from ggcnn_net2net.cli.main import COMMANDS, GREETING, INTERRUPTED, cli, run
+from ggcnn_net2net.errors import GGCNNError, SurgeryError
 from ggcnn_net2net.model_files import published
 
 
@@ -32,14 +35,52 @@ def test_without_arguments_it_greets():
     done = call("ggcnn_net2net")
     assert done.returncode == 0
     assert "reproduce table1" in done.stdout
+    named = {line.split()[1] for line in GREETING.splitlines() if line.startswith("  ggcnn-net2net ")}
+    assert named <= set(COMMANDS)
+    assert (Path(__file__).parents[2] / "docs" / "tutorial.md").is_file()
+
+
+def commands_of(command, context):
+    """Contexts of a command and of all commands below it."""
+    yield context
+    if isinstance(command, click.Group):
+        for name in command.list_commands(context):
+            below = command.get_command(context, name)
+            yield from commands_of(below, click.Context(below, info_name=name, parent=context))
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_help_with_an_example(name):
-    context = click.Context(cli)
+    context = click.Context(cli, info_name="ggcnn-net2net")
     command = cli.get_command(context, name)
-    assert command is not None
-    assert "Example" in command.get_help(click.Context(command, info_name=name, parent=context))
+    helps = {
+        below.command_path: below.get_help()
+        for below in commands_of(command, click.Context(command, info_name=name, parent=context))
+    }
+    assert helps
+    assert [path for path, text in helps.items() if "Example" not in text] == []
+
+
+@pytest.mark.parametrize("kind", [kind for kind in vars(errors).values() if inspect.isclass(kind)])
+def test_errors_point_to_a_page_that_exists(kind):
+    assert kind is GGCNNError or (Path(__file__).parents[2] / kind.page).is_file()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "grow x.hdf5 --ops deeper(1) -o y.hdf5 --draw z.foo",
+        "objects procedural40 --sheet z.foo",
+        "dataset preview x.h5 -o z.foo",
+        "evaluate failures tests -o z.foo",
+        "evaluate grasp published --picture z",
+        "reproduce fig1 -o z.hdf5",
+    ],
+)
+def test_a_picture_needs_the_suffix_of_one(arguments):
+    result = CliRunner().invoke(cli, arguments.split())
+    assert result.exit_code == 2
+    assert "expected a picture, .png, .pdf, .svg, .jpg; received z" in " ".join(result.output.split())
 
 
 def exit_code(command, arguments, monkeypatch):
@@ -59,6 +100,8 @@ def test_exit_codes(monkeypatch, capsys):
 
     assert exit_code(failing(GGCNNError("no such thing")), [], monkeypatch) == 1
     assert capsys.readouterr().err == "Error: no such thing\n"
+    assert exit_code(failing(SurgeryError("no such layer")), [], monkeypatch) == 1
+    assert capsys.readouterr().err == "Error: no such layer\nMore about this: docs/net2net.md\n"
     assert exit_code(failing(KeyboardInterrupt()), [], monkeypatch) == INTERRUPTED == 130
     assert exit_code(cli, ["nonsense"], monkeypatch) == 2
     assert "nonsense" in capsys.readouterr().err

@@ -11,6 +11,7 @@ from ggcnn_net2net.datasets.raw import open_scenes
 from ggcnn_net2net.datasets.simulated import Simulation, simulate_folder, simulate_scene
 from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.grasping import rectangle_to_grasp
+from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.trial import run_trial
 from ggcnn_net2net.simulation.world import World
 
@@ -100,6 +101,34 @@ def test_folder_of_other_settings_is_refused(folder):
     with pytest.raises(DatasetError, match=r"noise \(0.0 there, 0.001 here\)"):
         simulate_folder(folder, 4, Simulation(seed=3, noise=0.001), workers=1)
     assert files_of(folder) == before
+
+
+SMALL = GripperSpec(palm=(0.1, 0.02, 0.01), finger_length=0.04, max_opening=0.08)
+
+
+def test_labels_are_for_the_gripper(world):
+    made = simulate_scene(world, 0, Simulation(seed=3, gripper=SMALL))
+    depth, camera = made.scene.depth, made.scene.camera
+    for corners in made.rectangles:
+        grasp, _ = rectangle_to_grasp(corners)
+        assert grasp.width_px * depth[round(grasp.row), round(grasp.col)] / camera.focal_px <= 0.0801
+    results = [
+        run_trial(world, made.scene, rectangle_to_grasp(corners)[0], gripper_spec=SMALL).success
+        for corners in made.rectangles[:: len(made.rectangles) // 3]
+    ]
+    assert sum(results) >= 2
+
+
+def test_a_gripper_is_a_setting_of_a_folder(folder, tmp_path):
+    assert "gripper" not in json.loads((folder / "simulation.json").read_text())  # the paper's leaves no trace
+    with pytest.raises(DatasetError, match=r"gripper \(the paper's there, .*'max_opening': 0.08"):
+        simulate_folder(folder, 4, Simulation(seed=3, gripper=SMALL), workers=1)
+    simulate_folder(tmp_path, 1, Simulation(seed=3, gripper=SMALL), workers=1)
+    assert json.loads((tmp_path / "simulation.json").read_text())["gripper"]["palm"] == [0.1, 0.02, 0.01]
+    simulate_folder(tmp_path, 1, Simulation(seed=3, gripper=SMALL), workers=1)
+    for other in (PAPER_GRIPPER, replace(SMALL, max_opening=0.07)):
+        with pytest.raises(DatasetError, match=r"differs in gripper \(.*0.08"):
+            simulate_folder(tmp_path, 1, Simulation(seed=3, gripper=other), workers=1)
 
 
 def test_damaged_settings_are_named(folder, tmp_path):

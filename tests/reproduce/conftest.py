@@ -1,6 +1,10 @@
+"""Networks, objects and commands; makes the module beside the tests importable from them."""
+
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +16,8 @@ from ggcnn_net2net.reproduce.networks import Network
 from ggcnn_net2net.reproduce.paper import TABLE1
 from ggcnn_net2net.simulation.convex import box, write_obj
 from ggcnn_net2net.simulation.object_sets import ObjectSet, make_model
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from commands import call
 
 from ggcnn_net2net.cli import figures
 from ggcnn_net2net.errors import ResultsError
@@ -204,13 +205,6 @@ def test_another_experiment_is_not_continued(ran, conditions):
         pytest.raises(ResultsError, match=r"received other settings: choose another --output"),
     ):
         run_experiment(experiment, replace(conditions, seed=1), folder, workers)
-
-
-def call(command, *arguments):
-    result = CliRunner().invoke(command, [str(part) for part in arguments], standalone_mode=False)
-    if result.exception:
-        raise result.exception
-    return result.output
 
 
 def test_a_figure_from_shipped_results(tmp_path):

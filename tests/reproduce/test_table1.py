@@ -13,10 +13,10 @@ from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.reproduce.networks import load_networks
 from ggcnn_net2net.reproduce.records import COLUMNS, GraspRecord, RecordFile
 from ggcnn_net2net.reproduce.report import print_table, write_chart, write_markdown
-from ggcnn_net2net.reproduce.results import Table1, summarise, write_results
+from ggcnn_net2net.reproduce.results import Table1, read_settings, settings_of, summarise, write_results
 from ggcnn_net2net.reproduce.statistics import PairedComparison
 from ggcnn_net2net.reproduce.table1 import run_table1
-from ggcnn_net2net.simulation import benchmark
+from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec, benchmark
 from ggcnn_net2net.simulation.scenes import SceneSettings
 from ggcnn_net2net.simulation.trial import Outcome
 from ggcnn_net2net.zoo import files
@@ -33,12 +33,17 @@ def original(network):
     return network("original", 45.0, PUBLISHED_SHA256)
 
 
+@pytest.fixture
+def blind(network):
+    """It sees no grasp, so that only scenes are made."""
+    return network("blind", 0, "b" * 64)
+
+
 def run(networks, objects, output, **options):
     return run_table1(networks, objects, output, poses=2, **options)
 
 
-def test_table_and_files(original, network, objects, tmp_path):
-    blind = network("blind", 0, "b" * 64)
+def test_table_and_files(original, blind, objects, tmp_path):
     table = run([original, blind, *load_networks(["optimized"])], objects, tmp_path / "out", command="me", workers=2)
     first, second, missing = table.rows
     assert (first.success.trials, second.success.trials, missing.success.trials) == (6, 6, 0)
@@ -119,6 +124,60 @@ def test_another_experiment_is_not_continued(original, objects, tmp_path):
         with pytest.raises(ResultsError, match="choose another --output"):
             run([original], objects, tmp_path, **change)
     assert (tmp_path / "grasps.csv").read_bytes() == before
+
+
+SMALL = GripperSpec(palm=(0.1, 0.02, 0.01), finger_length=0.04, max_opening=0.08)
+
+
+def test_another_gripper_is_on_record(original, objects, tmp_path):
+    paper = run([original], objects, tmp_path / "paper")
+    small = run([original], objects, tmp_path / "small", gripper=SMALL)
+    assert 0 < small.rows[0].success.successes < paper.rows[0].success.successes  # it cannot hold the cube
+    assert (tmp_path / "small" / "scenes.h5").stat().st_size == (tmp_path / "paper" / "scenes.h5").stat().st_size
+    stored, _, _, found = read_settings(tmp_path / "small" / "results.json")
+    assert found == SMALL
+    assert stored["gripper"]["max_opening"] == 0.08
+    told = "Gripper not the paper's: palm (0.1, 0.02, 0.01), finger_length 0.04, max_opening 0.08."
+    assert told in (tmp_path / "small" / "table1.md").read_text()
+    assert told in shown(small).replace("\n", " ")
+    before = (tmp_path / "small" / "grasps.csv").read_bytes()
+    assert run([original], objects, tmp_path / "small", gripper=SMALL).rows == small.rows
+    assert (tmp_path / "small" / "grasps.csv").read_bytes() == before
+
+
+def test_the_papers_gripper_leaves_no_trace(blind, objects, tmp_path):
+    """Folders from before grippers could be chosen go on, and have the same files."""
+    run([blind], objects, tmp_path, gripper=PAPER_GRIPPER)
+    stored, _, _, found = read_settings(tmp_path / "results.json")
+    assert list(stored) == ["scenes", "protocol", "versions"]
+    assert found == PAPER_GRIPPER
+    assert "Gripper" not in (tmp_path / "table1.md").read_text()
+
+
+def test_a_folder_of_another_gripper_is_not_continued(blind, objects, tmp_path):
+    other = replace(SMALL, max_opening=0.07)
+    for first, second, told in (
+        (PAPER_GRIPPER, SMALL, "begun with, the paper's, received.*0.08"),
+        (SMALL, PAPER_GRIPPER, "begun with.*0.08.*received the paper's"),
+        (SMALL, other, "begun with.*0.08.*received.*0.07"),
+    ):
+        folder = tmp_path / f"{first.max_opening}{second.max_opening}"
+        run([blind], objects, folder, gripper=first)
+        before = {path.name: path.read_bytes() for path in folder.iterdir()}
+        with pytest.raises(ResultsError, match=told):
+            run([blind], objects, folder, gripper=second)
+        assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("gripper", [{"max_opning": 1}, {"max_opening": -1}, {"palm": 3}, [1], "small", 7])
+def test_a_damaged_gripper_in_the_settings(objects, tmp_path, gripper):
+    settings = settings_of(SceneSettings.of(objects, 2, 0), PAPER, PAPER_GRIPPER)
+    path = tmp_path / "results.json"
+    path.write_text(json.dumps({"settings": settings}))
+    assert read_settings(path)[3] == PAPER_GRIPPER
+    path.write_text(json.dumps({"settings": settings | {"gripper": gripper}}))
+    with pytest.raises(ResultsError, match="name another folder"):
+        read_settings(path)
 
 
 def test_lost_grasps_are_said_and_repeated(original, objects, tmp_path, monkeypatch):

@@ -89,8 +89,7 @@ def test_lines_without_a_terminal():
         "lookahead 2 of 2, level 1 of 1: 2 candidates, 2 known",
         "committed to wider(1), deeper(1): IoU rate 0.800",
     ]
-    assert text.splitlines()[12] == "finished"
-    assert "5 candidates trained, 1 failed" in text
+    assert text.splitlines()[12:] == ["finished"]  # the counts follow in the command's summary
 
 
 def test_of_what_was_done_before_an_interruption_only_the_number_is_printed():

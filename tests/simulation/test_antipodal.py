@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ggcnn_net2net.simulation import GripperSpec
 from ggcnn_net2net.simulation.antipodal import (
     AntipodalGrasps,
     AntipodalRule,
@@ -15,7 +16,6 @@ from ggcnn_net2net.simulation.antipodal import (
     rows_of,
 )
 from ggcnn_net2net.simulation.convex import box, cylinder, rotate, tube
-from ggcnn_net2net.simulation.gripper import GripperSpec
 
 BODY = 1  # after the plane
 STEP = np.pi / AntipodalRule().directions
@@ -84,6 +84,36 @@ def test_what_is_wider_than_the_gripper_is_left(world, at_rest):
     assert len(grasps)
     assert (turn_between(grasps.angle, np.pi / 2) <= SLIP).all()
     assert (grasps.opening <= GripperSpec().max_opening).all()
+
+
+def test_a_small_gripper_grips_the_short_side_alone(box_world):
+    small = GripperSpec(palm=(0.12, 0.02, 0.01), max_opening=0.1)
+    grasps = find_antipodal_grasps(box_world.client, BODY, [(0, 0, 0.08)], gripper=small)
+    assert len(grasps)
+    assert (turn_between(grasps.angle, 0) <= SLIP).all()  # the box is 0.12 m long
+    assert grasps.opening.max() <= 0.1
+
+
+@pytest.mark.parametrize(
+    ("place", "free", "blocked"),
+    [
+        ((0.13, 0), (0.2, 0.02, 0.01), (0.3, 0.02, 0.01)),  # beyond the open fingers
+        ((0, 0.05), (0.2, 0.02, 0.01), (0.2, 0.09, 0.01)),  # beside them
+    ],
+)
+def test_a_palm_needs_room_in_its_own_size(world, at_rest, place, free, blocked):
+    """A bar of 4 cm between two towers that are far higher than it."""
+    x, y = place
+    towers = [box((0.02, 0.02, 0.2), (side * x, side * y, 0.1)) for side in (-1, 1)]
+    at_rest("towers", [*towers, box((0.04, 0.04, 0.06), (0, 0, 0.03)), box((2 * x + 0.02, 2 * y + 0.02, 0.005))])
+
+    def grips_along_x(palm):
+        gripper = GripperSpec(palm=palm, max_opening=0.18)
+        grasps = find_antipodal_grasps(world.client, BODY, [(0, 0, 0.0625)], gripper=gripper)
+        return (grasps.angle == 0).any()
+
+    assert grips_along_x(free)
+    assert not grips_along_x(blocked)
 
 
 def test_wall_of_a_cup_is_gripped_by_itself(world, at_rest):

@@ -7,7 +7,7 @@ import pytest
 from ggcnn_net2net.errors import SceneError
 from ggcnn_net2net.grasping import Grasp
 from ggcnn_net2net.protocol import PAPER
-from ggcnn_net2net.simulation import benchmark
+from ggcnn_net2net.simulation import GripperSpec, benchmark
 from ggcnn_net2net.simulation.benchmark import prepare_scenes, run_trials
 from ggcnn_net2net.simulation.convex import box, cylinder, ellipsoid
 from ggcnn_net2net.simulation.object_sets import ObjectSet
@@ -53,6 +53,8 @@ def test_any_number_of_workers_gives_the_same_bits(objects, tmp_path):
     assert results_one == results_two
     assert len(results_one) == 6
     assert {result.outcome for result in results_one.values()} & {Outcome.SUCCESS, Outcome.MISSED}
+    wrong = GripperSpec(max_opening=0.01)  # the workers' gripper is the one that is asked for
+    assert not any(result.success for _, result in run_trials(one, grasps, PAPER, 2, wrong))
 
 
 def test_scenes_are_saved_and_only_missing_ones_are_made(objects, tmp_path, monkeypatch):

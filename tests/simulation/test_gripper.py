@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ggcnn_net2net.simulation.gripper import Gripper, GripperSpec
+from ggcnn_net2net.simulation import GripperSpec
+from ggcnn_net2net.simulation.gripper import Gripper
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import pytest
 
 from ggcnn_net2net.grasping import Grasp
 from ggcnn_net2net.protocol import CORRECTED, PAPER
+from ggcnn_net2net.simulation import GripperSpec
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.convex import box, cylinder
 from ggcnn_net2net.simulation.procedural import PROCEDURAL40
@@ -86,6 +87,19 @@ def test_holds_a_heavy_box_through_the_transfer(world, at_rest):
     )
     assert result.outcome is Outcome.SUCCESS
     assert dict(heights)["release"] > 0.6  # it hung at carrying height until it was released
+
+
+@both_protocols
+def test_a_small_gripper(world, box_scene, protocol):
+    """It holds the box across its 6 cm; along its 12 cm it opens as far as it can, which is not enough."""
+    small = GripperSpec(palm=(0.1, 0.02, 0.01), finger_length=0.04, max_opening=0.08)
+    wide = centred_grasp(box_scene, 0.0, 45)
+    result = run_trial(world, box_scene, wide, protocol, small)
+    assert (result.outcome, result.in_bin) == (Outcome.SUCCESS, True)
+    assert result.grasp.opening > small.max_opening  # what was asked for is on record
+    along = replace(wide, angle=np.pi / 2)
+    assert run_trial(world, box_scene, along, protocol).outcome is Outcome.SUCCESS
+    assert run_trial(world, box_scene, along, protocol, small).outcome is Outcome.MISSED
 
 
 def test_outcomes_without_a_trial(world, box_scene):

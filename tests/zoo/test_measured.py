@@ -36,6 +36,16 @@ def files(tmp_path):
     return tmp_path, tmp_path / "iou.json"
 
 
+def test_a_gripper_that_is_not_the_papers_is_on_record(files):
+    folder, _ = files
+    (paper,) = measured("b" * 64, [folder])["sim"]
+    assert "gripper" not in paper
+    settings = {**TABLE["settings"], "gripper": {"max_opening": 0.08}}
+    (folder / "results.json").write_text(json.dumps({**TABLE, "settings": settings}))
+    (small,) = measured("b" * 64, [folder])["sim"]
+    assert small["gripper"] == {"max_opening": 0.08}
+
+
 def test_results_of_the_right_network_are_taken(files):
     folder, iou = files
     found = measured("b" * 64, [folder], [iou])
