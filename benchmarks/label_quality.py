@@ -1,6 +1,6 @@
 """How good the labels of simulated scenes are: random labels, executed under the benchmark's full protocol.
 
-Example: python benchmarks/label_quality.py --labels 200 --looser-labels
+Example: python benchmarks/label_quality.py --labels 200 --tried-labels
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from ggcnn_net2net.simulation.trial import run_trial
 from ggcnn_net2net.simulation.world import process_world
 
 
-def try_label(index: int, settings: Simulation, protocols: list[str]) -> tuple[str, int, float, int, list[str]]:
-    """Make a scene and execute one random label: object, labels, seconds of making, rule, one outcome a protocol."""
+def try_label(index: int, settings: Simulation, protocols: list[str]) -> tuple[str, int, float, bool, list[str]]:
+    """Make a scene and execute one random label: object, labels, seconds of making, tried, one outcome a protocol."""
     begin = time.perf_counter()
     made = simulate_scene(process_world(), index, settings)
     seconds = time.perf_counter() - begin
     chosen = np.random.default_rng([settings.seed, index, 1]).integers(len(made.rectangles))
     grasp, _ = rectangle_to_grasp(made.rectangles[chosen])
     outcomes = [str(run_trial(process_world(), made.scene, grasp, protocol_named(name)).outcome) for name in protocols]
-    return made.scene.model.name, len(made.rectangles), seconds, made.rule, outcomes
+    return made.scene.model.name, len(made.rectangles), seconds, made.tried, outcomes
 
 
 def main() -> None:
@@ -37,12 +37,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--labels", type=int, default=200, help="one of each scene")
     parser.add_argument("--seed", type=int, default=0, help="of the scenes")
-    parser.add_argument("--looser-labels", action="store_true", help="as of `dataset simulate`")
+    parser.add_argument("--tried-labels", action="store_true", help="as of `dataset simulate`")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--protocols", nargs="+", default=["paper", "corrected"])
     arguments = parser.parse_args()
 
-    settings = Simulation(seed=arguments.seed, looser_labels=arguments.looser_labels)
+    settings = Simulation(seed=arguments.seed, tried_labels=arguments.tried_labels)
     inputs = ((index, settings, arguments.protocols) for index in range(arguments.labels))
     rows = [row for _, row in run_parallel(try_label, inputs, arguments.workers)]
     labels, seconds = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
@@ -54,9 +54,9 @@ def main() -> None:
         low, high = rate.interval
         print(f"{name}: {rate.successes}/{rate.trials} = {rate.value:.3f} ({low:.3f}-{high:.3f})")
         print(f"  {dict(outcomes.most_common())}")
-        for rule in sorted({row[3] for row in rows}):
-            of_rule = [row[4][position] == "success" for row in rows if row[3] == rule]
-            print(f"  label rule {rule}: {sum(of_rule)}/{len(of_rule)}")
+        for tried, kind in ((False, "sure labels"), (True, "tried labels")):
+            of_kind = [row[4][position] == "success" for row in rows if row[3] == tried]
+            print(f"  {kind}: {sum(of_kind)}/{len(of_kind)}")
         failed = Counter(row[0].rsplit("_", 1)[0] for row in rows if row[4][position] != "success")
         of_each = Counter(row[0].rsplit("_", 1)[0] for row in rows)
         print(

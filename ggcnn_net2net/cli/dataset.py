@@ -117,9 +117,9 @@ def build(
     "--missing", default=0.0, show_default=True, type=click.FloatRange(0, 1), help="Share of edge pixels that are lost."
 )
 @click.option(
-    "--looser-labels",
+    "--tried-labels",
     is_flag=True,
-    help="Label objects without grasps by the usual rule by looser ones, instead of passing them over.",
+    help="Label objects without sure grasps by what holds in simulation, not pass them over. Slow.",
 )
 @SEED
 @PROTOCOL
@@ -130,7 +130,7 @@ def simulate(
     count: int,
     noise: float,
     missing: float,
-    looser_labels: bool,
+    tried_labels: bool,
     seed: int,
     protocol_name: str,
     gripper_file: Path | None,
@@ -155,7 +155,7 @@ def simulate(
         seed=seed,
         noise=noise,
         missing=missing,
-        looser_labels=looser_labels,
+        tried_labels=tried_labels,
         protocol=protocol_named(protocol_name),
         gripper=gripper_of(gripper_file),
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +19,12 @@ import numpy.typing as npt
 
 from ggcnn_net2net.atomic import replacing, write_text
 from ggcnn_net2net.datasets.raw import fill_missing
+from ggcnn_net2net.datasets.simulated_labels import label_grasps, label_rectangles, tried_grasps
 from ggcnn_net2net.errors import DatasetError
-from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle, wrap_angle
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import PAPER, Protocol
 from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
-from ggcnn_net2net.simulation.antipodal import (
-    LOOSER_RULES,
-    AntipodalGrasps,
-    AntipodalRule,
-    agreeing,
-    find_antipodal_grasps,
-    rows_of,
-)
+from ggcnn_net2net.simulation.antipodal import LOOSE_RULE, AntipodalRule
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.scenes import Scene, drop_object
 from ggcnn_net2net.simulation.training_objects import training_object
@@ -44,9 +37,6 @@ MAX_SCENES = 10_000
 """Cornell's names have four digits."""
 _IMAGE = (480, 640)
 _ATTEMPTS = 50
-_POINTS = 300  # at which grasps are looked for in a scene
-_LOWEST = 0.003  # metres above the plane from which a pixel belongs to the object
-_JAW = 1 / 3  # side of a rectangle along the jaws, in openings
 _EDGE = 0.01  # metres from pixel to pixel
 
 
@@ -65,9 +55,9 @@ class Simulation:
     """Share of the pixels along depth edges that are lost, and filled in from around them as Cornell's are."""
     least_labels: int = 5
     """Scenes with fewer labels are drawn again."""
-    looser_labels: bool = False
-    """Whether a scene with too few labels gets those of `LOOSER_RULES`, the strictest that gives enough, before it is
-    drawn again. Without, objects that are hard to grasp are never seen."""
+    tried_labels: bool = False
+    """Whether a scene with too few labels gets labels that were tried in simulation (`simulated_labels.tried_grasps`)
+    before it is drawn again. Without, objects that are hard to grasp are never seen."""
     place: float = 0.06
     """Metres within which labels have to agree on the closing direction and the opening."""
     protocol: Protocol = PAPER
@@ -88,17 +78,13 @@ class Simulation:
                 f"seed={self.seed}, noise={self.noise}, missing={self.missing}, least_labels={self.least_labels}"
             )
 
-    @property
-    def label_rules(self) -> tuple[AntipodalRule, ...]:
-        """The rules that are tried on a scene, in order."""
-        return (AntipodalRule(), *(LOOSER_RULES if self.looser_labels else ()))
-
     def as_dict(self) -> dict[str, Any]:
-        """Settings as JSON holds them; with a gripper if it is not the paper's."""
+        """Settings as JSON holds them; with a gripper if it is not the paper's, and the loose rule if it is used."""
         own = {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": self.protocol.name}
-        del own["gripper"]
+        del own["gripper"], own["tried_labels"]
+        tried = {"tried_labels": asdict(LOOSE_RULE)} if self.tried_labels else {}
         # Labels of other rules must not mix in a folder.
-        return {**own, **self.gripper.as_setting(), "label_rules": [asdict(rule) for rule in self.label_rules]}
+        return {**own, **self.gripper.as_setting(), "label_rule": asdict(AntipodalRule()), **tried}
 
 
 @dataclass(frozen=True)
@@ -109,8 +95,8 @@ class SimulatedScene:
     """The object at rest; (480, 640) images."""
     rectangles: npt.NDArray[np.float64]
     """(n, 4, 2) corners (row, col) in pixels."""
-    rule: int
-    """Which of the settings' label rules they follow."""
+    tried: bool
+    """Whether the labels were tried in simulation, because the usual rule gave too few."""
 
 
 def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedScene:
@@ -139,13 +125,15 @@ def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedS
         x, y = rng.uniform(-settings.camera_offset, settings.camera_offset, 2)
         camera = _camera(position, (x, y, rng.uniform(*settings.camera_heights)))
         depth, rgb = camera.render(world.client)
-        for number, rule in enumerate(settings.label_rules):
-            grasps, pixels = label_grasps(world, body, depth, camera, settings.place, rule, settings.gripper)
-            if len(grasps) >= settings.least_labels:
-                rectangles = _rectangles(grasps, pixels, depth, camera)
-                depth = _degrade(depth, rng, settings)
-                scene = Scene(model, index, position, orientation, stable, drops, depth, rgb, camera)
-                return SimulatedScene(scene, rectangles, number)
+        scene = Scene(model, index, position, orientation, stable, drops, depth, rgb, camera)
+        tried = False
+        labels = label_grasps(world, body, scene, settings.place, settings.gripper)
+        if len(labels.grasps) < settings.least_labels and settings.tried_labels:
+            tried = True
+            labels = tried_grasps(world, body, scene, settings.place, settings.gripper, settings.protocol, rng)
+        if len(labels.grasps) >= settings.least_labels:
+            rectangles = label_rectangles(labels, depth, camera)
+            return SimulatedScene(replace(scene, depth=_degrade(depth, rng, settings)), rectangles, tried)
     raise DatasetError(
         f"expected a scene with {settings.least_labels} labels or more, received none in {_ATTEMPTS} attempts: lower "
         "least_labels"
@@ -157,56 +145,6 @@ def _camera(target: tuple[float, float, float], position: tuple[float, float, fl
     benchmark = Camera(target)
     fov = 2 * np.degrees(np.arctan(_IMAGE[0] / 2 / benchmark.focal_px))
     return Camera(target, position, fov=float(fov), height=_IMAGE[0], width=_IMAGE[1])
-
-
-def label_grasps(
-    world: World,
-    body: int,
-    depth: npt.NDArray[np.floating],
-    camera: Camera,
-    place: float,
-    rule: AntipodalRule | None = None,
-    gripper: GripperSpec = PAPER_GRIPPER,
-) -> tuple[AntipodalGrasps, npt.NDArray[np.intp]]:
-    """Grasps of what the camera sees, one a place.
-
-    Args:
-        world: with the object at rest.
-        body: the object's id.
-        depth: (H, W) metres, without noise.
-        camera: that took it.
-        place: metres within which grasps have to agree.
-        rule: what makes a grasp; the usual rule by default.
-        gripper: what is to grasp; the paper's by default.
-
-    Returns:
-        The grasps and the pixels (row, col) of their points.
-    """
-    points = camera.world_from_image(depth)
-    seen = points[..., 2] > _LOWEST
-    stride = max(int(np.ceil(np.sqrt(seen.sum() / _POINTS))), 1)
-    chosen = np.zeros_like(seen)
-    chosen[::stride, ::stride] = seen[::stride, ::stride]
-    rows, cols = np.nonzero(chosen)
-    grasps = find_antipodal_grasps(world.client, body, points[rows, cols], rule, gripper)
-    grasps = rows_of(grasps, agreeing(grasps, place))
-    return grasps, np.stack([rows, cols], axis=1)[grasps.origin]
-
-
-def _rectangles(
-    grasps: AntipodalGrasps, pixels: npt.NDArray[np.intp], depth: npt.NDArray[np.floating], camera: Camera
-) -> npt.NDArray[np.float64]:
-    """(n, 4, 2) rectangles (row, col), a third as wide as they are long.
-
-    A jaw is narrower, but the IoU rate compares with predictions half as wide as long, and would reject all of them.
-    """
-    scale = camera.focal_px / depth[pixels[:, 0], pixels[:, 1]]
-    openings = grasps.opening * scale
-    corners = [
-        grasp_to_rectangle(Grasp(row, col, wrap_angle(angle), opening), opening * _JAW)
-        for (row, col), angle, opening in zip(pixels.tolist(), grasps.angle, openings, strict=True)
-    ]
-    return np.array(corners).reshape(-1, 4, 2)
 
 
 def _degrade(depth: npt.NDArray[np.float32], rng: np.random.Generator, settings: Simulation) -> npt.NDArray[np.float32]:
@@ -277,13 +215,14 @@ def _claim(folder: Path, settings: Simulation) -> None:
         found = dict(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
         raise DatasetError(f"expected the settings of simulated scenes in {path}: {error}") from error
-    here, there = ({"gripper": "the paper's", **values} for values in (expected, found))
+    usual = {"gripper": "the paper's", "tried_labels": "none"}
+    here, there = ({**usual, **values} for values in (expected, found))
     differing = [name for name in here if there.get(name) != here[name]]
     if differing:
-        told = [f"{name} ({there.get(name)} there, {here[name]} here)" for name in differing if name != "label_rules"]
         raise DatasetError(
-            f"expected scenes with these settings in {folder}, it differs in {', '.join(told) or 'the label rules'}: "
-            "choose another folder, or its settings"
+            f"expected scenes with these settings in {folder}, it differs in "
+            + ", ".join(f"{name} ({there.get(name)} there, {here[name]} here)" for name in differing)
+            + ": choose another folder, or its settings"
         )
 
 
@@ -313,7 +252,7 @@ def _write_scene(folder: Path, index: int, settings: Simulation) -> None:
         "orientation": scene.orientation,
         "camera": asdict(scene.camera),
         "labels": len(made.rectangles),
-        "label_rule": made.rule,
+        "tried": made.tried,
     }
     write_text(_file(folder, index, "scene.json"), json.dumps(record) + "\n")
 

@@ -24,6 +24,7 @@ than half the bin's side: an object lying beside the bin can count. `in_bin` is 
 _APPROACH = 0.5  # metres above the grasp
 _CARRY_HEIGHT = 0.75  # above the bin
 _LIFTED = 0.05  # metres an object has to rise to count as lifted
+_LIFT = 0.3  # metres that `lifts` raises the gripper
 
 
 class Outcome(StrEnum):
@@ -131,23 +132,7 @@ def run_world_grasp(
     """Execute a grasp that is given in world coordinates; everything else as in `run_trial`."""
     bin_spec = bin_spec or Bin()
     phase = on_phase or (lambda _: None)
-    world.reset(protocol.solver_iterations)
-    body = world.add_object(scene.model, scene.position, scene.orientation)
-    world.add_bin(bin_spec)
-    gripper = Gripper(world, gripper_spec, protocol.coupled_jaws)
-
-    x, y, z = target.point
-    height = z + gripper.spec.palm[2] / 2 + protocol.palm_clearance
-    if protocol.fingertip_clearance is not None:
-        height = max(height, gripper.spec.reach + protocol.fingertip_clearance)
-    down = np.array([x, y, height, 0, 0, target.yaw])
-
-    phase("approach")
-    gripper.set_opening(target.opening)
-    gripper.move_to(down + np.array([0, 0, _APPROACH, 0, 0, 0]))
-    gripper.move_to(down)
-    phase("close")
-    gripper.set_opening(0)
+    body, gripper = _grip(world, scene, target, protocol, gripper_spec, bin_spec, phase)
     phase("carry")
     height_before = world.pose_of(body)[0][2]
     # The object, not the palm, is to hang over the bin's centre.
@@ -167,6 +152,50 @@ def run_world_grasp(
     success = distance < SUCCESS_DISTANCE
     outcome = Outcome.SUCCESS if success else _failure(position, held, max(highest) - height_before)
     return TrialResult(outcome, success, bin_spec.contains(position), distance, world.steps, target)
+
+
+def lifts(
+    world: World,
+    scene: Scene,
+    target: WorldGrasp,
+    protocol: Protocol = PAPER,
+    gripper_spec: GripperSpec | None = None,
+) -> bool:
+    """Whether a grasp lifts the object straight up and holds it: half of a trial, in half of its time."""
+    body, gripper = _grip(world, scene, target, protocol, gripper_spec, Bin(), lambda _: None)
+    height_before = world.pose_of(body)[0][2]
+    gripper.move_to(gripper.pose + np.array([0, 0, _LIFT, 0, 0, 0]))
+    return _is_held(world, body, gripper) and world.pose_of(body)[0][2] - height_before > _LIFTED
+
+
+def _grip(
+    world: World,
+    scene: Scene,
+    target: WorldGrasp,
+    protocol: Protocol,
+    gripper_spec: GripperSpec | None,
+    bin_spec: Bin,
+    phase: Callable[[str], None],
+) -> tuple[int, Gripper]:
+    """Set up the scene, approach and close; the object's id and the gripper."""
+    world.reset(protocol.solver_iterations)
+    body = world.add_object(scene.model, scene.position, scene.orientation)
+    world.add_bin(bin_spec)
+    gripper = Gripper(world, gripper_spec, protocol.coupled_jaws)
+
+    x, y, z = target.point
+    height = z + gripper.spec.palm[2] / 2 + protocol.palm_clearance
+    if protocol.fingertip_clearance is not None:
+        height = max(height, gripper.spec.reach + protocol.fingertip_clearance)
+    down = np.array([x, y, height, 0, 0, target.yaw])
+
+    phase("approach")
+    gripper.set_opening(target.opening)
+    gripper.move_to(down + np.array([0, 0, _APPROACH, 0, 0, 0]))
+    gripper.move_to(down)
+    phase("close")
+    gripper.set_opening(0)
+    return body, gripper
 
 
 def _failure(position: Vector, held: bool, lift: float) -> Outcome:

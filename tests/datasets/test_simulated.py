@@ -67,6 +67,20 @@ def test_labels_can_be_executed(world):
     assert sum(results) >= 6
 
 
+def test_objects_without_sure_grasps_get_labels_that_hold(world):
+    """Scene 10: the first object that comes to rest has none by the usual rule."""
+    settings = Simulation(tried_labels=True)
+    made, passed_over = (simulate_scene(world, 10, each) for each in (settings, Simulation()))
+    assert (made.tried, passed_over.tried) == (True, False)
+    assert made.scene.model.name != passed_over.scene.model.name
+    assert len(made.rectangles) >= settings.least_labels
+    again = simulate_scene(world, 10, settings)
+    np.testing.assert_array_equal(again.rectangles, made.rectangles)
+    chosen = made.rectangles[:: len(made.rectangles) // 4][:4]
+    grasps = [rectangle_to_grasp(rectangle)[0] for rectangle in chosen]
+    assert sum(run_trial(world, made.scene, grasp).success for grasp in grasps) >= 3
+
+
 def test_noise_and_missing_pixels(world):
     clean = simulate_scene(world, 0, Simulation(seed=3)).scene.depth
     noisy = simulate_scene(world, 0, Simulation(seed=3, noise=0.002)).scene.depth
@@ -100,6 +114,8 @@ def test_folder_of_other_settings_is_refused(folder):
     before = files_of(folder)
     with pytest.raises(DatasetError, match=r"noise \(0.0 there, 0.001 here\)"):
         simulate_folder(folder, 4, Simulation(seed=3, noise=0.001), workers=1)
+    with pytest.raises(DatasetError, match=r"tried_labels \(none there, .*'alignment': 0.7"):
+        simulate_folder(folder, 4, Simulation(seed=3, tried_labels=True), workers=1)
     assert files_of(folder) == before
 
 

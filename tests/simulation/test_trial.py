@@ -15,6 +15,7 @@ from ggcnn_net2net.simulation.trial import (
     SUCCESS_DISTANCE,
     Outcome,
     WorldGrasp,
+    lifts,
     run_trial,
     run_world_grasp,
     world_grasp,
@@ -34,6 +35,16 @@ def test_box_across_its_short_side(world, box_scene, protocol):
     assert result.outcome is Outcome.SUCCESS
     assert result.in_bin
     assert result.distance < 0.3
+
+
+def test_lifting_is_half_of_a_trial(world, box_scene):
+    good, beside = (WorldGrasp((x, 0.0, box_scene.position[2]), 0.0, 0.12) for x in (0.0, 0.25))
+    for target, expected in ((good, True), (beside, False)):
+        assert lifts(world, box_scene, target) is expected
+        steps = world.steps
+        whole = run_world_grasp(world, box_scene, target)
+        assert whole.success is expected
+        assert steps < 0.7 * whole.steps
 
 
 @both_protocols
