@@ -16,13 +16,14 @@ from ggcnn_net2net.reproduce.experiments import Experiment
 
 _METRICS = {IOU: "IoU rate", SIM: "SIM, success rate in simulation"}
 _TRIALS = {IOU: "IoU rate: {} test images of", SIM: "SIM: {} grasps of"}
-_COLOURS = ("#1b6ca8", "#d1600a", "#2a8a4a", "#8b4a9e")
-_OURS: dict[str, Any] = {"linestyle": "-", "linewidth": 2, "marker": "o", "markersize": 5, "zorder": 3}
-_PAPERS: dict[str, Any] = {
+Style = dict[str, Any]
+_STYLES = (("#1b6ca8", "o"), ("#d1600a", "s"), ("#2a8a4a", "^"), ("#8b4a9e", "D"))  # markers, for those who see grey
+_OURS: Style = {"linestyle": "-", "linewidth": 2, "marker": "o", "markersize": 5, "zorder": 3}
+_PAPERS: Style = {
     "linestyle": "--",
     "linewidth": 1.1,
     "marker": "o",
-    "markersize": 3.5,
+    "markersize": 4,
     "markerfacecolor": "white",
     "alpha": 0.6,
 }
@@ -79,17 +80,20 @@ def _write_picture(path: Path, experiment: Experiment, results: Sequence[CurveRe
     notes = conditions(results)
     figure = Figure(figsize=(10, 1.5 + 3.3 * len(protocols) + 0.18 * len(notes)), dpi=130, layout="constrained")
     grid = figure.subplots(len(protocols), len(_METRICS), squeeze=False, sharex=True, sharey="col")
-    colours = {curve.name: colour for curve, colour in zip(experiment.curves, _COLOURS, strict=False)}
+    styles: dict[str, Style] = {
+        curve.name: {"color": colour, "marker": marker}
+        for curve, (colour, marker) in zip(experiment.curves, _STYLES, strict=False)
+    }
     for row, protocol in zip(grid, protocols, strict=True):
         shown = [result for result in results if result.protocol == protocol]
         for axes, (metric, name) in zip(row, _METRICS.items(), strict=True):
-            _draw_panel(axes, shown, metric, colours)
+            _draw_panel(axes, shown, metric, styles)
             axes.set_title(f"{name}, {protocol}", fontsize=10, loc="left")
             axes.set_xlim(-0.35, experiment.depth + 0.35)
             axes.set_xticks(range(experiment.depth + 1))
     for axes in grid[-1]:
         axes.set_xlabel("operations")
-    handles = _legend(colours, results)
+    handles = _legend(styles, results)
     figure.legend(
         handles=handles,
         loc="outside upper center",
@@ -105,17 +109,17 @@ def _write_picture(path: Path, experiment: Experiment, results: Sequence[CurveRe
         figure.savefig(temporary)
 
 
-def _draw_panel(axes: Any, results: Sequence[CurveResult], metric: str, colours: dict[str, str]) -> None:
+def _draw_panel(axes: Any, results: Sequence[CurveResult], metric: str, styles: dict[str, Style]) -> None:
     axes.grid(axis="y", color="0.92")
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelbottom=True, labelleft=True)
     for number, result in enumerate(results):
-        colour = colours[result.curve.name]
+        style = styles[result.curve.name]
         shift = 0.07 * (number - (len(results) - 1) / 2)  # or else the intervals hide each other
         papers = result.paper_at(metric)
-        axes.plot([depth + shift for depth, _ in papers], [value for _, value in papers], color=colour, **_PAPERS)
-        _draw_ours(axes, result.at(metric), shift, colour)
+        axes.plot([depth + shift for depth, _ in papers], [value for _, value in papers], **_PAPERS | style)
+        _draw_ours(axes, result.at(metric), shift, style)
     missing = [result.curve.name for result in results if not result.at(metric)]
     if missing:
         axes.margins(y=0.12)  # room for the note
@@ -123,18 +127,18 @@ def _draw_panel(axes: Any, results: Sequence[CurveResult], metric: str, colours:
         axes.annotate(note, (0, 0), (4, 4), "axes fraction", "offset points", fontsize=8, color="0.4")
 
 
-def _draw_ours(axes: Any, points: Sequence[CurvePoint], shift: float, colour: str) -> None:
+def _draw_ours(axes: Any, points: Sequence[CurvePoint], shift: float, style: Style) -> None:
     depths, values = [point.depth + shift for point in points], [point.value for point in points]
-    axes.plot(depths, values, color=colour, **_OURS)
+    axes.plot(depths, values, **_OURS | style)
     for depth, point in zip(depths, points, strict=True):
         if point.interval is not None:
-            axes.plot((depth, depth), point.interval, color=colour, linewidth=1, alpha=0.7, zorder=2)
+            axes.plot((depth, depth), point.interval, color=style["color"], linewidth=1, alpha=0.7, zorder=2)
 
 
-def _legend(colours: dict[str, str], results: Sequence[CurveResult]) -> list[Any]:
+def _legend(styles: dict[str, Style], results: Sequence[CurveResult]) -> list[Any]:
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], color=colour, linewidth=2, label=name) for name, colour in colours.items()]
+    handles = [Line2D([], [], linewidth=2, label=name, **style) for name, style in styles.items()]
     handles.append(Line2D([], [], color="0.3", label="here, with 95% interval", **_OURS))
     if any(result.paper for result in results):
         handles.append(Line2D([], [], color="0.3", label="the paper, read off its figure", **_PAPERS))
