@@ -22,6 +22,7 @@ version = release = gn.__version__
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx_click"]
 html_theme = "furo"
 html_title = f"{project} {version}"
+highlight_language = "text"  # of blocks that name none: commands and output
 smartquotes = False  # commands and options are to be copied
 exclude_patterns = ["_build"]
 

@@ -73,7 +73,7 @@ class SimulationError(GGCNNError):
 class DatasetError(GGCNNError):
     """Grasp data that cannot be read, written or matched to what was asked for."""
 
-    page = "docs/datasets.md"
+    page = "docs/howto/own_data.md"
 
 
 class TrainingError(GGCNNError):
@@ -85,7 +85,7 @@ class TrainingError(GGCNNError):
 class SearchError(GGCNNError):
     """A search that cannot start or go on: settings, or a folder of another search."""
 
-    page = "docs/beam_search.md"
+    page = "docs/howto/long_searches.md"
 
 
 class ResultsError(GGCNNError):
@@ -97,7 +97,7 @@ class ResultsError(GGCNNError):
 class DepthImageError(GGCNNError):
     """A depth image, its unit or its camera's intrinsics that cannot be used."""
 
-    page = "docs/inference.md"
+    page = "docs/howto/own_camera.md"
 
 
 class ExportError(GGCNNError):
