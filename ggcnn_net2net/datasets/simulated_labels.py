@@ -27,7 +27,7 @@ _POINTS = 300  # at which grasps are looked for in a scene
 _LOWEST = 0.003  # metres above the plane from which a pixel belongs to the object
 _JAW = 1 / 3  # side of a rectangle along the jaws, in openings
 _TRIES = 12  # grasps of a scene that are tried
-_LIKE = (0.03, 0.35)  # metres and radians: a grasp so far from another is as unlike as one turned so far
+_LIKE = (0.009, 0.105)  # metres and radians: so far from a grasp that held, another one may be and hold as well
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,8 @@ def tried_grasps(
 ) -> Labels:
     """Grasps by the loose rule that hold in simulation: for objects that offer too few by the usual one.
 
-    A dozen, drawn at random, lift the object or not; every other grasp does what the most similar of them did.
+    A dozen, drawn at random, are tried. Others count as holding if they are much like one that held, and less like any
+    that did not.
 
     Args:
         world: with the object at rest; afterwards in any state.
@@ -91,7 +92,7 @@ def tried_grasps(
     tried = rng.permutation(len(found.grasps))[:_TRIES]
     targets = [_target(found.grasps, index) for index in tried]
     held = np.array([lifts(world, scene, target, protocol, gripper) for target in targets])
-    holding = found.only(held[_most_similar(found.grasps, tried)])
+    holding = found.only(_like_holding(found.grasps, tried, held))
     return holding.only(agreeing(holding.grasps, place))
 
 
@@ -134,9 +135,12 @@ def _target(grasps: AntipodalGrasps, index: int) -> WorldGrasp:
     return WorldGrasp((x, y, z), float(grasps.angle[index]), float(grasps.opening[index]))
 
 
-def _most_similar(grasps: AntipodalGrasps, tried: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """(n,) which of the tried ones each grasp is most like, in place and direction."""
+def _like_holding(
+    grasps: AntipodalGrasps, tried: npt.NDArray[np.intp], held: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """(n,) whether the tried grasp that each grasp is most like, in place and direction, held and is near enough."""
     distance = np.linalg.norm(grasps.point[:, None] - grasps.point[tried], axis=-1)
     turn = np.abs((grasps.angle[:, None] - grasps.angle[tried] + np.pi / 2) % np.pi - np.pi / 2)
-    nearest: npt.NDArray[np.intp] = (distance / _LIKE[0] + turn / _LIKE[1]).argmin(axis=1)
-    return nearest
+    unlike = distance / _LIKE[0] + turn / _LIKE[1]
+    near: npt.NDArray[np.bool_] = held[unlike.argmin(axis=1)] & (unlike.min(axis=1) <= 1)
+    return near
