@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from ggcnn_net2net.atomic import replacing, write_text
 from ggcnn_net2net.datasets.raw import fill_missing
-from ggcnn_net2net.datasets.simulated_labels import label_grasps, label_rectangles, tried_grasps
+from ggcnn_net2net.datasets.simulated_labels import ALIKE, TRIES, label_grasps, label_rectangles, tried_grasps
 from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import PAPER, Protocol
@@ -79,10 +79,11 @@ class Simulation:
             )
 
     def as_dict(self) -> dict[str, Any]:
-        """Settings as JSON holds them; with a gripper if it is not the paper's, and the loose rule if it is used."""
+        """As JSON holds them; with a gripper that is not the paper's, and with how labels were tried, if they were."""
         own = {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": self.protocol.name}
         del own["gripper"], own["tried_labels"]
-        tried = {"tried_labels": asdict(LOOSE_RULE)} if self.tried_labels else {}
+        how = {"label_rule": asdict(LOOSE_RULE), "tries": TRIES, "alike": list(ALIKE)}
+        tried = {"tried_labels": how} if self.tried_labels else {}
         # Labels of other rules must not mix in a folder.
         return {**own, **self.gripper.as_setting(), "label_rule": asdict(AntipodalRule()), **tried}
 

@@ -23,11 +23,13 @@ from ggcnn_net2net.simulation.scenes import Scene
 from ggcnn_net2net.simulation.trial import WorldGrasp, lifts
 from ggcnn_net2net.simulation.world import World
 
+TRIES = 12
+"""Grasps of a scene that are tried."""
+ALIKE = (0.009, 0.105)
+"""Metres and radians: so far from a grasp that held, another one may be and counts as holding, too."""
 _POINTS = 300  # at which grasps are looked for in a scene
 _LOWEST = 0.003  # metres above the plane from which a pixel belongs to the object
 _JAW = 1 / 3  # side of a rectangle along the jaws, in openings
-_TRIES = 12  # grasps of a scene that are tried
-_LIKE = (0.009, 0.105)  # metres and radians: so far from a grasp that held, another one may be and hold as well
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def tried_grasps(
     found = _candidates(world, body, scene, LOOSE_RULE, gripper)
     if len(found.grasps) == 0:
         return found
-    tried = rng.permutation(len(found.grasps))[:_TRIES]
+    tried = rng.permutation(len(found.grasps))[:TRIES]
     targets = [_target(found.grasps, index) for index in tried]
     held = np.array([lifts(world, scene, target, protocol, gripper) for target in targets])
     holding = found.only(_like_holding(found.grasps, tried, held))
@@ -141,6 +143,6 @@ def _like_holding(
     """(n,) whether the tried grasp that each grasp is most like, in place and direction, held and is near enough."""
     distance = np.linalg.norm(grasps.point[:, None] - grasps.point[tried], axis=-1)
     turn = np.abs((grasps.angle[:, None] - grasps.angle[tried] + np.pi / 2) % np.pi - np.pi / 2)
-    unlike = distance / _LIKE[0] + turn / _LIKE[1]
+    unlike = distance / ALIKE[0] + turn / ALIKE[1]
     near: npt.NDArray[np.bool_] = held[unlike.argmin(axis=1)] & (unlike.min(axis=1) <= 1)
     return near

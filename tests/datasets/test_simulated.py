@@ -114,7 +114,7 @@ def test_folder_of_other_settings_is_refused(folder):
     before = files_of(folder)
     with pytest.raises(DatasetError, match=r"noise \(0.0 there, 0.001 here\)"):
         simulate_folder(folder, 4, Simulation(seed=3, noise=0.001), workers=1)
-    with pytest.raises(DatasetError, match=r"tried_labels \(none there, .*'alignment': 0.7"):
+    with pytest.raises(DatasetError, match=r"tried_labels \(none there, .*'alignment': 0.7.*'tries': 12"):
         simulate_folder(folder, 4, Simulation(seed=3, tried_labels=True), workers=1)
     assert files_of(folder) == before
 
