@@ -65,7 +65,15 @@ def show(name: str) -> None:
 @click.option("--provenance", type=FILE, help="What made it. [default: the .json beside the model file]")
 @click.option("--results", multiple=True, type=FOLDER, help="Folder of `reproduce table1`; may be repeated.")
 @click.option("--iou", multiple=True, type=FILE, help="File of `evaluate iou -o`; may be repeated.")
-def add(model_file: Path, name: str, provenance: Path | None, results: tuple[Path, ...], iou: tuple[Path, ...]) -> None:
+@click.option("--search", type=FOLDER, help="Folder of the search that found it.")
+def add(
+    model_file: Path,
+    name: str,
+    provenance: Path | None,
+    results: tuple[Path, ...],
+    iou: tuple[Path, ...],
+    search: Path | None,
+) -> None:
     """Put MODEL_FILE into the zoo of this installation as NAME, with what was measured of it.
 
     \b
@@ -75,6 +83,7 @@ def add(model_file: Path, name: str, provenance: Path | None, results: tuple[Pat
 
     from ggcnn_net2net import zoo
     from ggcnn_net2net.errors import ModelFileError
+    from ggcnn_net2net.model_files import model_summary
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reference_data import sha256_of
 
@@ -85,6 +94,8 @@ def add(model_file: Path, name: str, provenance: Path | None, results: tuple[Pat
         raise ModelFileError(f"expected what made the network in {source}, cannot read it: {error}") from error
     facts |= zoo.measured(sha256_of(model_file), results, iou)
     import_tensorflow()
+    if search is not None:
+        facts["search"] = zoo.searched(search, model_summary(model_file).architecture)
     click.echo(f"written to {zoo.add(model_file, facts, name)}")
 
 
