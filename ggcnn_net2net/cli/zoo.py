@@ -82,8 +82,9 @@ def add(
     import json
 
     from ggcnn_net2net import zoo
+    from ggcnn_net2net.architecture import architecture_of
     from ggcnn_net2net.errors import ModelFileError
-    from ggcnn_net2net.model_files import model_summary
+    from ggcnn_net2net.model_files import load_ggcnn
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reference_data import sha256_of
 
@@ -95,7 +96,7 @@ def add(
     facts |= zoo.measured(sha256_of(model_file), results, iou)
     import_tensorflow()
     if search is not None:
-        facts["search"] = zoo.searched(search, model_summary(model_file).architecture)
+        facts["search"] = zoo.searched(search, str(architecture_of(load_ggcnn(model_file))))
     click.echo(f"written to {zoo.add(model_file, facts, name)}")
 
 
