@@ -16,8 +16,9 @@ import pytest
 
 import ggcnn_net2net as gn
 from ggcnn_net2net.architecture import HEADS
-from ggcnn_net2net.datasets.raw import fill_missing, read_image
+from ggcnn_net2net.datasets.raw import read_image
 from ggcnn_net2net.inference import PRESETS
+from ggcnn_net2net.inpainting import fill_missing
 
 DOCS = Path(__file__).parents[1] / "docs"
 EXPORTED = ("network.hdf5", "network.onnx", "network.tflite", "network.xml")

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ggcnn_net2net.datasets.raw import Problem, SceneFolder, fill_missing, read_image
+from ggcnn_net2net.datasets.raw import Problem, SceneFolder, read_image
 from ggcnn_net2net.datasets.scene import LabelledScene
 from ggcnn_net2net.errors import DatasetError
+from ggcnn_net2net.inpainting import fill_missing
 
 SHAPE = (480, 640)
 """Rows and columns of the camera, by which a cloud's point index counts pixels."""

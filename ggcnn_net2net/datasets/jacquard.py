@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ggcnn_net2net.datasets.raw import Problem, SceneFolder, fill_missing, read_image
+from ggcnn_net2net.datasets.raw import Problem, SceneFolder, read_image
 from ggcnn_net2net.datasets.scene import LabelledScene
 from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle
+from ggcnn_net2net.inpainting import fill_missing
 
 SIDE = 300
 """Side in pixels of the scenes read. Jacquard's images have 1024; a network that sees 300 sees the whole image so."""

@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ggcnn_net2net.atomic import replacing, write_text
-from ggcnn_net2net.datasets.raw import fill_missing
 from ggcnn_net2net.datasets.simulated_labels import ALIKE, TRIES, label_grasps, label_rectangles, tried_grasps
 from ggcnn_net2net.errors import DatasetError
+from ggcnn_net2net.inpainting import fill_missing
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import PAPER, Protocol
 from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ggcnn_net2net.datasets.raw import fill_missing
 from ggcnn_net2net.errors import DepthImageError
 from ggcnn_net2net.grasping import Grasp
 from ggcnn_net2net.inference.presets import Preset
+from ggcnn_net2net.inpainting import fill_missing
 
 FloatMap = npt.NDArray[np.float32]
 

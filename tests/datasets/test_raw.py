@@ -1,25 +1,7 @@
-import numpy as np
 import pytest
-from small_scenes import tilted_plane
 
-from ggcnn_net2net.datasets.raw import fill_missing, open_scenes, read_image
+from ggcnn_net2net.datasets.raw import open_scenes, read_image
 from ggcnn_net2net.errors import DatasetError
-
-
-def test_missing_pixels_are_filled_from_around_them():
-    depth = tilted_plane()
-    missing = np.zeros(depth.shape, bool)
-    missing[100:110, 200:212] = missing[:3, :5] = missing[-1, -1] = True
-    filled = fill_missing(np.where(missing, np.nan, depth), missing)
-    np.testing.assert_array_equal(filled[~missing], depth[~missing])
-    np.testing.assert_allclose(filled[missing], depth[missing], atol=0.004)
-
-
-def test_nothing_to_fill_and_nothing_to_fill_from():
-    depth = tilted_plane((20, 30))
-    np.testing.assert_array_equal(fill_missing(depth, np.zeros(depth.shape, bool)), depth)
-    with pytest.raises(DatasetError, match="every pixel"):
-        fill_missing(depth, np.ones(depth.shape, bool))
 
 
 def test_folder_is_a_sequence_that_reads_on_demand(cornell):
