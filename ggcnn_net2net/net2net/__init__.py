@@ -14,6 +14,7 @@ from ggcnn_net2net.net2net.search_space import (
     OPTIMIZED_OPERATIONS,
     apply_operations,
     operations,
+    parameters_after,
 )
 from ggcnn_net2net.net2net.widen import wider
 
@@ -25,6 +26,7 @@ __all__ = [
     "deeper",
     "history_of",
     "operations",
+    "parameters_after",
     "parse_operations",
     "set_history",
     "wider",

@@ -77,6 +77,13 @@ def deeper(
     return child
 
 
+def added_parameters(graph: ModelGraph, name: str, kernel_size: int | tuple[int, int] | None) -> int:
+    """Number of parameters that *deeper* adds behind layer `name`; arguments and errors as there."""
+    size = _kernel_size(graph.layers[name], kernel_size)
+    block = [_identity_weights(graph.layers[template], size) for template in identity_block(graph, name)]
+    return sum(values.size for weights in block for values in weights.values())
+
+
 def identity_block(graph: ModelGraph, name: str) -> list[str]:
     """Names of the layers that *deeper* repeats: `name`, and if it is linear its normalization and activation.
 

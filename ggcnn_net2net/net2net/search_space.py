@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from ggcnn_net2net.errors import SurgeryError
+from ggcnn_net2net.net2net import deepen, widen
 from ggcnn_net2net.net2net.channels import Channels
 from ggcnn_net2net.net2net.deepen import deeper, identity_block
 from ggcnn_net2net.net2net.graph import ModelGraph
@@ -108,6 +109,36 @@ def operations(model: keras.Model, transpose: bool = False) -> list[Operation]:
         for index, name in layers
         if _passes(check, name)
     ]
+
+
+def parameters_after(model: keras.Model, operations: Sequence[Operation]) -> list[int]:
+    """Number of parameters that `model` would have after each one of `operations`. No model is built for it.
+
+    Args:
+        model: a functional `keras.Model`.
+        operations: alternatives, each applied to `model`. Where *wider* of other channels gives another number, as it
+            can behind a Concatenate, seed 0 counts.
+
+    Returns:
+        One number for each operation.
+
+    Raises:
+        SurgeryError: an operation that cannot be applied.
+
+    Example:
+        >>> parameters_after(build_ggcnn("original"), parse_operations("deeper(3), wider(3)"))
+        [63004, 64156]
+    """
+    graph = ModelGraph.of(model)
+    channels = Channels.of(graph)
+    return [model.count_params() + _added(graph, channels, operation) for operation in operations]
+
+
+def _added(graph: ModelGraph, channels: Channels, operation: Operation) -> int:
+    name = channels.layer_name(operation.layer)
+    if operation.name == "deeper":
+        return deepen.added_parameters(graph, name, operation.kernel_size)
+    return widen.added_parameters(graph, channels, name, operation.factor, operation.filters)
 
 
 def _passes(check: Callable[[str], object], layer: str) -> bool:

@@ -74,10 +74,9 @@ def wider(
     graph = ModelGraph.of(model)
     channels = Channels.of(graph)
     name = channels.layer_name(layer)
-    present = len(channels.groups[name])
-    number = _new_width(name, present, factor, filters)
+    number = _new_width(name, len(channels.groups[name]), factor, filters)
     rng = np.random.default_rng(seed)
-    copies = _Copies(graph, channels.origins(channels.draw_copies(name, number - present, rng)))
+    copies = _Copies.drawn(graph, channels, name, number, rng)
     edited = {reached: copies.weights(reached, noise, rng) for reached in copies.reached()}
     copies.edit_config()
     entry = {
@@ -91,6 +90,17 @@ def wider(
     if carry_optimizer:
         carry(model, child, copies.resize)
     return child
+
+
+def added_parameters(graph: ModelGraph, channels: Channels, name: str, factor: float, filters: int | None) -> int:
+    """Number of parameters that *wider* adds when it widens layer `name`; arguments and errors as there."""
+    number = _new_width(name, len(channels.groups[name]), factor, filters)
+    copies = _Copies.drawn(graph, channels, name, number, np.random.default_rng(0))
+    return sum(
+        copies.resize(layer, weight, values).size - values.size
+        for layer in copies.reached()
+        for weight, values in weights_of(graph.layers[layer]).items()
+    )
 
 
 def _new_width(layer: str, present: int, factor: float, filters: int | None) -> int:
@@ -110,6 +120,12 @@ class _Copies:
 
     origins: PerChannel
     """For each channel that a layer will have, the one it is now; of layers that get more channels."""
+
+    @classmethod
+    def drawn(cls, graph: ModelGraph, channels: Channels, name: str, number: int, rng: np.random.Generator) -> _Copies:
+        """Drawn at random, so that layer `name` gets `number` channels."""
+        more = number - len(channels.groups[name])
+        return cls(graph, channels.origins(channels.draw_copies(name, more, rng)))
 
     def reached(self) -> list[str]:
         """Names of the layers that make or take a copied channel."""

@@ -96,7 +96,7 @@ def _train_and_score(job: Job) -> dict[str, Any]:
     from ggcnn_net2net.architecture import architecture_of
     from ggcnn_net2net.errors import ArchitectureError
     from ggcnn_net2net.model_files import save_ggcnn
-    from ggcnn_net2net.net2net import apply_operations, operations
+    from ggcnn_net2net.net2net import operations, parameters_after
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.search.heuristics import score
     from ggcnn_net2net.training import set_threads
@@ -116,7 +116,7 @@ def _train_and_score(job: Job) -> dict[str, Any]:
         "loss": loss,
         "parameters": model.count_params(),
         "architecture": architecture,
-        "operations": {str(one): apply_operations(model, [one]).count_params() for one in following},
+        "operations": dict(zip(map(str, following), parameters_after(model, following), strict=True)),
     }
 
 

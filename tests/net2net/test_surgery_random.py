@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from surgery_models import expected_parameters, models, outputs, relative_difference, state
 
-from ggcnn_net2net.net2net import Operation, apply_operations, history_of, operations
+from ggcnn_net2net.net2net import Operation, apply_operations, history_of, operations, parameters_after
 
 # Keras draws initial weights, which the tests overwrite, while hypothesis builds a model.
 pytestmark = pytest.mark.filterwarnings("ignore:Do not use the `random` module")
@@ -66,3 +66,13 @@ def test_float32_networks_stay_the_same_but_for_rounding(model: keras.Model, dat
     assume(operations(model, transpose=True))
     child = _grow(data, model, 3)
     assert relative_difference(model, child, _inputs(model, "float32")) < 1e-5
+
+
+@pytest.mark.slow
+@settings(SETTINGS, max_examples=40)
+@given(models(dtype="float32"))
+def test_parameters_are_counted_without_building(model: keras.Model) -> None:
+    following = operations(model, transpose=True)
+    following += [Operation("wider", one.layer, factor=2.6) for one in following if one.name == "wider"]
+    built = [apply_operations(model, [one]).count_params() for one in following]
+    assert parameters_after(model, following) == built
