@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 HELP = {"help_option_names": ["-h", "--help"]}
 POSITIVE = click.IntRange(min=1)
+SEARCH_FOLDER = click.Path(path_type=Path, exists=True, file_okay=False)
 WORKERS = click.option("--workers", type=POSITIVE, help="Worker processes. [default: one a core]")
 SCHEDULER = click.option(
     "--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://host:8786, whose workers train candidates."
@@ -101,7 +102,16 @@ def search_command() -> None:
 @click.option("--carry-optimizer", is_flag=True, help="Beyond the paper: children keep their parent's optimizer state.")
 @click.option("--distil", metavar="TEACHER", help='Beyond the paper: learn from "parent" or from a model file, too.')
 @click.option("--distil-weight", default=0.5, show_default=True, type=click.FloatRange(0, 1, min_open=True))
-def run(model: str, dataset: Path, directory: Path, workers: int | None, scheduler: str | None, **options: Any) -> None:
+@click.option("--reuse", multiple=True, type=SEARCH_FOLDER, help="Take candidates that this search has trained.")
+def run(
+    model: str,
+    dataset: Path,
+    directory: Path,
+    workers: int | None,
+    scheduler: str | None,
+    reuse: tuple[Path, ...],
+    **options: Any,
+) -> None:
     """Search from MODEL, judged on DATASET, an HDF5 file of `dataset build`, and write everything to a folder.
 
     MODEL is "published", "zoo:NAME", a model file, or an architecture (narrow, C9x9x8_T9x9x8), untrained. The best
@@ -125,13 +135,13 @@ def run(model: str, dataset: Path, directory: Path, workers: int | None, schedul
         directory,
         _workers(scheduler, workers or cores),
         lambda pool, on_event: start_search(
-            network, dataset, settings, directory, pool, name=name, command=command, on_event=on_event
+            network, dataset, settings, directory, pool, name=name, command=command, reuse=reuse, on_event=on_event
         ),
     )
 
 
 @search_command.command(context_settings=HELP)
-@click.argument("directory", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("directory", type=SEARCH_FOLDER)
 @WORKERS
 @SCHEDULER
 @click.option("--retry-failed", is_flag=True, help="Train candidates again that failed before.")
@@ -152,7 +162,7 @@ def resume(directory: Path, workers: int | None, scheduler: str | None, retry_fa
 
 
 @search_command.command(context_settings=HELP)
-@click.argument("directory", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("directory", type=SEARCH_FOLDER)
 @click.option("-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="[default: DIRECTORY/report]")
 def report(directory: Path, output: Path | None) -> None:
     """Tables and pictures of the search in DIRECTORY, which may still run: all candidates, the path, the tree.

@@ -136,9 +136,8 @@ def _search(
 ) -> SearchHistory:
     """Start a search, or go on with it, and write its report."""
     from ggcnn_net2net.search import load_history, resume_search, start_search
-    from ggcnn_net2net.search.journal import read_events
+    from ggcnn_net2net.search.journal import JOURNAL_FILE, read_events
     from ggcnn_net2net.search.report import write_report
-    from ggcnn_net2net.search.run import JOURNAL_FILE
 
     model = _start_of(curve)
     threads = max(1, (os.cpu_count() or 1) // workers.count)
@@ -151,6 +150,7 @@ def _search(
             *(model, conditions.data, settings, directory, workers),
             name=curve.start,
             command=command,
+            reuse=sorted(path.parent for path in directory.parent.glob(f"*/{JOURNAL_FILE}")),
             on_event=on_event,
         )
     write_report(history, directory / "report")

@@ -15,6 +15,8 @@ from typing import Any
 from ggcnn_net2net.errors import SearchError
 
 FORMAT = "ggcnn_net2net search 1"
+JOURNAL_FILE = "journal.jsonl"
+"""Name of the journal in the folder of a search."""
 
 Event = dict[str, Any]
 """JSON values; the key "event" names its kind."""

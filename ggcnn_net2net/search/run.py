@@ -16,7 +16,8 @@ from ggcnn_net2net.search.beam import search
 from ggcnn_net2net.search.candidates import root_candidate
 from ggcnn_net2net.search.heuristics import prepare_simulation
 from ggcnn_net2net.search.history import SearchHistory, read_history
-from ggcnn_net2net.search.journal import FORMAT, Event, Journal, read_events
+from ggcnn_net2net.search.journal import FORMAT, JOURNAL_FILE, Event, Journal, read_events
+from ggcnn_net2net.search.reuse import TrainedElsewhere
 from ggcnn_net2net.search.settings import FROM_PARENT, SIM, SearchSettings
 from ggcnn_net2net.search.trainer import TEACHER_FILE, model_file
 from ggcnn_net2net.search.tree import CandidateTree
@@ -24,7 +25,6 @@ from ggcnn_net2net.search.tree import CandidateTree
 if TYPE_CHECKING:
     import keras
 
-JOURNAL_FILE = "journal.jsonl"
 BEST_FILE = "best.hdf5"
 
 OnEvent = Callable[[Event], None]
@@ -40,6 +40,7 @@ def start_search(
     *,
     name: str = "",
     command: str = "",
+    reuse: Sequence[Path] = (),
     on_event: OnEvent = lambda _: None,
 ) -> SearchHistory:
     """Search for a better network by surgery and training (section II-C of the paper).
@@ -56,17 +57,21 @@ def start_search(
             paths have to mean the same files.
         name: what the network is called in reports.
         command: how the user started it, for the record.
+        reuse: folders of other searches, from which candidates are taken that are the same there: the search ends as it
+            would have without them, earlier.
         on_event: told about what happens.
 
     Returns:
         What came of it. The best network of the path is in `directory/best.hdf5`.
 
     Raises:
-        SearchError: the folder holds a search, the network cannot be scored, or too many candidates failed in a row.
+        SearchError: the folder holds a search, one of `reuse` holds none, the network cannot be scored, or too many
+            candidates failed in a row.
         DatasetError: a dataset that cannot be read, or has images of another size than the network takes.
         SurgeryError: no operation can be applied to the network at all.
     """
     directory, dataset = Path(directory).absolute(), Path(dataset).absolute()
+    _check_reuse(settings, reuse)
     with Journal(directory / JOURNAL_FILE) as journal:
         if read_events(journal.path):
             raise SearchError(
@@ -74,6 +79,7 @@ def start_search(
                 f"{directory}`, or name another one"
             )
         begun = _prepare(model, dataset, settings, directory, name, command)
+        begun["reuse"] = [str(Path(other).absolute()) for other in reuse]
         journal.append(begun)
         return _search(directory, [begun], workers, journal, on_event)
 
@@ -160,6 +166,16 @@ def _prepare(
     }
 
 
+def _check_reuse(settings: SearchSettings, reuse: Sequence[Path]) -> None:
+    for directory in reuse:
+        load_history(directory)  # refuses what is no search
+    if reuse and (settings.halving or settings.carry_optimizer):
+        raise SearchError(
+            "expected a search without successive halving and carried optimizers to take candidates from others, "
+            "received one whose candidates need checkpoints, which others do not keep: leave `reuse` out"
+        )
+
+
 def _check_size(model: keras.Model, dataset: Path) -> None:
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
 
@@ -189,7 +205,8 @@ def _search(
 ) -> SearchHistory:
     for event in events:
         on_event(event)
-    tree = CandidateTree(directory, events, workers, journal, on_event)
+    elsewhere = TrainedElsewhere(events[0], map(Path, events[0].get("reuse", ())))
+    tree = CandidateTree(directory, events, workers, journal, on_event, elsewhere)
     if tree.settings.heuristic == SIM:
         prepare_simulation(tree.settings, directory, os.cpu_count() or 1)
     found = search(tree, tree.root, tree.settings.beam, tree.note_lookahead)

@@ -13,6 +13,7 @@ from ggcnn_net2net.parallel import Crash, Workers
 from ggcnn_net2net.search.beam import Lookahead
 from ggcnn_net2net.search.candidates import RETRAIN, ROOT, Candidate, Results, child_of, seed_of
 from ggcnn_net2net.search.journal import Event, Journal
+from ggcnn_net2net.search.reuse import TrainedElsewhere
 from ggcnn_net2net.search.settings import SearchSettings
 from ggcnn_net2net.search.trainer import Job, run_job
 
@@ -27,6 +28,7 @@ class CandidateTree:
         workers: Workers,
         journal: Journal,
         on_event: Callable[[Event], None],
+        elsewhere: TrainedElsewhere,
     ) -> None:
         """Prepare to walk.
 
@@ -36,6 +38,7 @@ class CandidateTree:
             workers: where candidates are trained.
             journal: takes what becomes known.
             on_event: told about what becomes known, and about every level that begins.
+            elsewhere: what other searches have trained.
         """
         begun = events[0]
         self.directory = directory
@@ -43,6 +46,7 @@ class CandidateTree:
         self.root = Candidate(begun["root"], None, ROOT)
         self._data = begun["data"]
         self._workers, self._journal, self._on_event = workers, journal, on_event
+        self._elsewhere = elsewhere
         self._results: dict[str, Results] = {}
         self._pruned: dict[str, float] = {}
         self._failures = self._level = self._commitments = 0
@@ -131,7 +135,7 @@ class CandidateTree:
             for node in nodes
             for replicate in range(self._replicates(node))
         ]
-        jobs = [job for job in jobs if not self._knows(job)]
+        jobs = [job for job in jobs if not self._knows(job) and not self._take(job)]
         for index, outcome in self._workers.run(run_job, [(job,) for job in jobs]):
             job = jobs[index]
             event = job.crashed(outcome) if isinstance(outcome, Crash) else outcome
@@ -159,6 +163,14 @@ class CandidateTree:
     def _knows(self, job: Job) -> bool:
         known = self._results.get(job.candidate.key)
         return known is not None and (job.epochs, job.replicate) in known.scores
+
+    def _take(self, job: Job) -> bool:
+        """Take a candidate from another search, if one has it."""
+        event = self._elsewhere.take(job)
+        if event is not None:
+            self.write(event)
+            self._learn(event)
+        return event is not None
 
     def _learn(self, event: Event) -> None:
         self._results.setdefault(event["candidate"], Results()).learn(event)

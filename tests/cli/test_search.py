@@ -59,6 +59,18 @@ def test_report_and_resume_need_nothing_but_the_folder(searched, tmp_path):
 
 
 @pytest.mark.slow
+def test_candidates_are_taken_from_another_search(searched, dataset, tmp_path):
+    first, _ = searched
+    call(ARCHITECTURE, dataset, "-o", tmp_path / "second", *SMALL, "--reuse", first)
+    paths = [load_history(folder).path for folder in (tmp_path / "second", first)]
+    second, other = ([(candidate.key, score) for candidate, score in path] for path in paths)
+    assert second == other
+    events = [json.loads(line) for line in (tmp_path / "second" / "journal.jsonl").read_text().splitlines()]
+    assert {event["taken_from"] for event in events if event["event"] == "scored"} == {str(first)}
+    assert (tmp_path / "second" / "best.hdf5").read_bytes() == (first / "best.hdf5").read_bytes()
+
+
+@pytest.mark.slow
 def test_a_folder_holds_one_search(searched, dataset):
     with pytest.raises(SearchError, match="search resume"):
         call(ARCHITECTURE, dataset, "-o", searched[0], *SMALL)

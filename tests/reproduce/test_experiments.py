@@ -20,6 +20,7 @@ from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, read_points, write_p
 from ggcnn_net2net.reproduce.experiments import EXPERIMENTS, Curve, Experiment, part_of
 from ggcnn_net2net.reproduce.run_experiment import Conditions, run_experiment
 from ggcnn_net2net.search import load_history
+from ggcnn_net2net.search.journal import read_events
 
 FIG2 = EXPERIMENTS["fig2"]
 SIZE = 300
@@ -113,6 +114,9 @@ def test_a_run_judges_every_network_of_the_paths(ran, conditions):
     history = load_history(folder / "searches" / "short-r1-paper")
     assert history.finished
     assert (folder / "searches" / "short-r1-paper" / "report" / "tree.svg").is_file()
+    events = read_events(folder / "searches" / "short-r1-paper" / "journal.jsonl")
+    trained = [event["operation"] for event in events if event["event"] == "scored" and "taken_from" not in event]
+    assert trained == ["retrain(1)"]  # the other search had the rest
     mine = {(point.metric, point.depth): point for point in points if point.curve == "short r=1"}
     for candidate, score in history.path:
         assert mine[SCORE, candidate.depth].value == score

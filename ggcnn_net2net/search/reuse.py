@@ -1,0 +1,69 @@
+"""Candidates that other searches have trained: the same network, data, recipe and seed need not be trained twice."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ggcnn_net2net.atomic import replacing
+from ggcnn_net2net.search.journal import JOURNAL_FILE, Event, read_events
+from ggcnn_net2net.search.trainer import Job, model_file
+
+_OF_THE_WAY = ("beam", "max_parameters", "retrain", "max_failures")
+"""Settings that decide which candidates are tried, and not what comes of one. How it is trained is in its key, too."""
+
+
+@dataclass(frozen=True)
+class _Trained:
+    directory: Path
+    event: Event
+
+
+class TrainedElsewhere:
+    """What other searches know of candidates that this one may meet."""
+
+    def __init__(self, begun: Event, directories: Iterable[Path]) -> None:
+        """Read their journals.
+
+        Args:
+            begun: first event of this search's journal.
+            directories: folders of other searches, which may still run. Those that train or score in another way, or
+                with other versions of the packages, have nothing that could be taken; nor have those that are gone.
+        """
+        self._trained: dict[tuple[str, int, int], _Trained] = {}
+        for directory in directories:
+            events = read_events(directory / JOURNAL_FILE)
+            if events and _what_matters(events[0]) == _what_matters(begun):
+                for event in events:
+                    if event["event"] == "scored":
+                        key = (event["candidate"], event["epochs"], event["replicate"])
+                        self._trained.setdefault(key, _Trained(directory, event))
+
+    def take(self, job: Job) -> Event | None:
+        """Copy the network of a job's candidate into this search.
+
+        Returns:
+            The event "scored" of the other search, with its folder as `taken_from`; None if no search has the network.
+        """
+        known = self._trained.get((job.candidate.key, job.epochs, job.replicate))
+        if known is None:
+            return None
+        if job.replicate == 0:
+            source, target = (
+                model_file(directory, job.candidate.key) for directory in (known.directory, job.directory)
+            )
+            if not source.is_file():
+                return None
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(target) as temporary:
+                shutil.copyfile(source, temporary)
+        return {**known.event, "taken_from": str(known.directory)}
+
+
+def _what_matters(begun: Event) -> dict[str, Any]:
+    settings = {name: value for name, value in begun["settings"].items() if name not in _OF_THE_WAY}
+    data = {split: begun["data"][split] for split in ("train", "test")}
+    return {"settings": settings, "data": data, "versions": begun["versions"]}
