@@ -1,4 +1,4 @@
-"""Files that are either there whole or not at all."""
+"""Files that are either there whole or not at all, and folders that one process at a time writes to."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from ggcnn_net2net.errors import GGCNNError
 
 
 @contextmanager
@@ -37,3 +39,25 @@ def write_text(path: Path, text: str) -> None:
     """Write `text` as UTF-8 to `path`, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def alone(lock_file: Path, refusal: GGCNNError) -> Iterator[None]:
+    """Keep other processes out of a block that has the same lock file; the end of a process lets them in, too.
+
+    Args:
+        lock_file: where, stays; its folder is made if it is missing.
+        refusal: raised where another process is in such a block.
+    """
+    from filelock import FileLock, Timeout
+
+    lock_file.parent.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(lock_file)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout as error:
+        raise refusal from error
+    try:
+        yield
+    finally:
+        lock.release()

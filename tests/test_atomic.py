@@ -1,6 +1,7 @@
 import pytest
 
-from ggcnn_net2net.atomic import replacing, write_text
+from ggcnn_net2net.atomic import alone, replacing, write_text
+from ggcnn_net2net.errors import ResultsError
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -25,3 +26,17 @@ def test_the_suffix_is_kept_for_libraries_that_look_at_it(tmp_path):
     with replacing(tmp_path / "plot.png") as temporary:
         assert temporary.suffix == ".png"
         temporary.touch()
+
+
+def test_one_block_at_a_time(tmp_path):
+    lock_file, refusal = tmp_path / "new" / "results.lock", ResultsError("another process")
+    with (
+        alone(lock_file, refusal),
+        pytest.raises(ResultsError, match="another process"),
+        alone(lock_file, refusal),
+    ):
+        raise AssertionError("in a block that is taken")
+    with pytest.raises(RuntimeError, match="broken"), alone(lock_file, refusal):
+        raise RuntimeError("broken")
+    with alone(lock_file, refusal):
+        pass  # a block that failed has let others in

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ggcnn_net2net.atomic import alone
+from ggcnn_net2net.errors import ResultsError
 from ggcnn_net2net.grasping import RSS_2018
 from ggcnn_net2net.inference import predict_grasps
 from ggcnn_net2net.protocol import PAPER, Protocol
@@ -57,50 +59,54 @@ def run_table1(
         The table. Where worker processes died, `Table1.crashed` trials are missing; running again repeats them.
 
     Raises:
-        ResultsError: `output` holds results of another experiment.
+        ResultsError: `output` holds results of another experiment, or another process writes to it.
         SceneError: `output` holds other scenes.
     """
-    scene_settings = SceneSettings.of(objects, poses, seed)
-    settings = settings_of(scene_settings, protocol, gripper)
-    results_file, records_file = output / "results.json", RecordFile(output / "grasps.csv")
-    check_settings(results_file, settings)
-    records = {record.key: record for record in records_file.read() if record.outcome != Outcome.CRASHED}
-    table = summarise(networks, records.values(), scene_settings, protocol, gripper)
-    write_results(results_file, table, settings, command, finished=False)
-    records_file.rewrite(records.values())
-
-    places = [(model, pose) for model in objects.objects for pose in range(poses)]
-    scenes = prepare_scenes(
-        output / "scenes.h5",
-        objects,
-        scene_settings,
-        workers,
-        lambda done: on_progress("scenes", done, len(places)),
+    refusal = ResultsError(
+        f"expected {output} to be free, another process writes results there: wait for it, or choose another --output"
     )
-    for network in networks:
-        if network.model is None:
-            continue
-        missing = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in records]
-        done = len(scenes) - len(missing)
-        on_progress(network.name, done, len(places))
-        for record in _judge(network, missing, protocol, workers, gripper):
-            records[record.key] = record
-            records_file.append(record)
-            done += 1
-            on_progress(network.name, done, len(places))
-        # What is missing still has no scene, because workers died making it.
-        for model, pose in places:
-            lost = GraspRecord.lost(network.name, network.weights, model, pose)
-            records.setdefault(lost.key, lost)
+    with alone(output / "grasps.lock", refusal):
+        scene_settings = SceneSettings.of(objects, poses, seed)
+        settings = settings_of(scene_settings, protocol, gripper)
+        results_file, records_file = output / "results.json", RecordFile(output / "grasps.csv")
+        check_settings(results_file, settings)
+        records = {record.key: record for record in records_file.read() if record.outcome != Outcome.CRASHED}
+        table = summarise(networks, records.values(), scene_settings, protocol, gripper)
+        write_results(results_file, table, settings, command, finished=False)
+        records_file.rewrite(records.values())
 
-    place_of = {(model.name, pose): place for place, (model, pose) in enumerate(places)}
-    ordered = sorted(records.values(), key=lambda record: (record.model, place_of[record.object, record.pose]))
-    table = summarise(networks, ordered, scene_settings, protocol, gripper)
-    records_file.rewrite(ordered)
-    write_results(results_file, table, settings, command, finished=table.crashed == 0)
-    write_markdown(output / "table1.md", table, command, settings["versions"])
-    write_chart(output / "table1.png", table)
-    return table
+        places = [(model, pose) for model in objects.objects for pose in range(poses)]
+        scenes = prepare_scenes(
+            output / "scenes.h5",
+            objects,
+            scene_settings,
+            workers,
+            lambda done: on_progress("scenes", done, len(places)),
+        )
+        for network in networks:
+            if network.model is None:
+                continue
+            missing = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in records]
+            done = len(scenes) - len(missing)
+            on_progress(network.name, done, len(places))
+            for record in _judge(network, missing, protocol, workers, gripper):
+                records[record.key] = record
+                records_file.append(record)
+                done += 1
+                on_progress(network.name, done, len(places))
+            # What is missing still has no scene, because workers died making it.
+            for model, pose in places:
+                lost = GraspRecord.lost(network.name, network.weights, model, pose)
+                records.setdefault(lost.key, lost)
+
+        place_of = {(model.name, pose): place for place, (model, pose) in enumerate(places)}
+        ordered = sorted(records.values(), key=lambda record: (record.model, place_of[record.object, record.pose]))
+        table = summarise(networks, ordered, scene_settings, protocol, gripper)
+        records_file.rewrite(ordered)
+        write_results(results_file, table, settings, command, finished=table.crashed == 0)
+        write_markdown(output / "table1.md", table, command, settings["versions"])
+        write_chart(output / "table1.png", table)
+        return table
 
 
 def _judge(

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import json
 import os
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from ggcnn_net2net.atomic import alone
 from ggcnn_net2net.errors import SearchError
 
 FORMAT = "ggcnn_net2net search 1"
@@ -59,18 +61,13 @@ class Journal:
         Raises:
             SearchError: another process is writing to it.
         """
-        from filelock import FileLock, Timeout
-
         self.path = Path(path)
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._lock = FileLock(self.path.with_suffix(".lock"))
-        try:
-            self._lock.acquire(timeout=0)
-        except Timeout as error:
-            raise SearchError(
-                f"expected {self.path.parent} to be free, another process searches there: wait for it, or choose "
-                "another folder"
-            ) from error
+        refusal = SearchError(
+            f"expected {self.path.parent} to be free, another process searches there: wait for it, or choose another "
+            "folder"
+        )
+        self._held = ExitStack()
+        self._held.enter_context(alone(self.path.with_suffix(".lock"), refusal))
         self._stream = self.path.open("ab")
         whole = sum(map(len, _whole_lines(self.path.read_bytes())))
         if whole < self._stream.tell():
@@ -85,7 +82,7 @@ class Journal:
     def close(self) -> None:
         """Let others write."""
         self._stream.close()
-        self._lock.release()
+        self._held.close()
 
     def __enter__(self) -> Journal:
         return self

@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from ggcnn_net2net.atomic import alone
 from ggcnn_net2net.errors import ResultsError
 from ggcnn_net2net.model_files import PUBLISHED_SHA256
 from ggcnn_net2net.protocol import CORRECTED, PAPER
@@ -127,6 +128,17 @@ def test_another_experiment_is_not_continued(original, objects, tmp_path):
 
 
 SMALL = GripperSpec(palm=(0.1, 0.02, 0.01), finger_length=0.04, max_opening=0.08)
+
+
+def test_one_run_at_a_time_writes_to_a_folder(blind, objects, tmp_path):
+    run([blind], objects, tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with (
+        alone(tmp_path / "grasps.lock", ResultsError("not this one")),
+        pytest.raises(ResultsError, match="another process writes results there"),
+    ):
+        run([blind], objects, tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_another_gripper_is_on_record(original, objects, tmp_path):
