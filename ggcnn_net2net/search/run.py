@@ -169,10 +169,12 @@ def _prepare(
 def _check_reuse(settings: SearchSettings, reuse: Sequence[Path]) -> None:
     for directory in reuse:
         load_history(directory)  # refuses what is no search
-    if reuse and (settings.halving or settings.carry_optimizer):
+    # A teacher is known by its file's name alone.
+    taught_by_file = settings.distil not in (None, FROM_PARENT)
+    if reuse and (settings.halving or settings.carry_optimizer or taught_by_file):
         raise SearchError(
-            "expected a search without successive halving and carried optimizers to take candidates from others, "
-            "received one whose candidates need checkpoints, which others do not keep: leave `reuse` out"
+            "expected a search without successive halving, carried optimizers and a teacher's file to take candidates "
+            "from others, received one whose candidates need more than a network and its score: leave `reuse` out"
         )
 
 

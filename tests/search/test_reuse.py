@@ -137,11 +137,12 @@ def test_a_resumed_search_goes_on_taking_and_does_without_what_is_gone(search, l
     assert len(workers.jobs) > len(new) - 1
 
 
-def test_folders_without_a_search_and_settings_that_need_checkpoints_are_refused(search, tmp_path):
+def test_folders_without_a_search_and_settings_that_need_more_are_refused(search, tmp_path):
     with pytest.raises(SearchError, match="expected the folder of a search"):
         search("second", reuse=[tmp_path])
     _, _, first = search("first")
-    for settings in (replace(FIRST, halving=True), replace(FIRST, carry_optimizer=True)):
+    taught = replace(FIRST, distil="teacher.hdf5", recipe=Recipe(epochs=2, protocol=PAPER))
+    for settings in (replace(FIRST, halving=True), replace(FIRST, carry_optimizer=True), taught):
         with pytest.raises(SearchError, match="leave `reuse` out"):
             search("third", settings, reuse=[first])
     assert not (tmp_path / "third" / "journal.jsonl").exists()
