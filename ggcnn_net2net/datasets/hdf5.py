@@ -220,6 +220,10 @@ class GraspDataset:
         depth, *maps = (self._read(key, rows) for key in _IMAGES)
         return depth[..., None], targets_of(*maps)
 
+    def depth(self, row: int) -> npt.NDArray[np.float32]:
+        """(H, W) depth of a row, as in `batch`; the labels stay unread."""
+        return self._read("depth_inpainted", [row])[0]
+
     def rectangles(self, row: int) -> npt.NDArray[np.float64]:
         """(n, 4, 2) corners (row, col) of a row's rectangles, without the padding."""
         corners = np.asarray(self._read("bounding_boxes", [row])[0], dtype=np.float64)

@@ -29,8 +29,8 @@ class TestData(typing.Protocol):
     def __len__(self) -> int:
         """Images."""
 
-    def batch(self, rows: Sequence[int], epoch: int) -> tuple[npt.NDArray[np.float32], Any]:
-        """(n, H, W, 1) depth in metres, minus each image's mean and clipped, and targets, which are not used."""
+    def depth(self, row: int) -> npt.NDArray[np.float32]:
+        """(H, W) depth in metres, minus the image's mean and clipped."""
 
     def rectangles(self, row: int) -> npt.NDArray[np.float64]:
         """(k, 4, 2) corners (row, col) of an image's positive rectangles."""
@@ -65,17 +65,18 @@ def iou_rate_of(
     if total == 0:
         raise DatasetError("expected a dataset with at least one image, received none: name another split")
     images = _inputs(model, dataset, protocol.iou_recentres_depth)
-    blocks = _blocks(predict_maps(model, images))
     decoded: dict[int, list[Grasp | None]] = {}
-    on_progress(protocol.name, 0, total)
-    for index, found in _decode_all(blocks, workers):
+    done = 0
+    on_progress(protocol.name, done, total)
+    for index, found in _decode_all(predict_maps(model, images), workers):
         if isinstance(found, Crash):
             raise GraspError(
                 f"a worker process died {found.attempts} times, with exit code {found.exit_code}, while it decoded "
                 f"images from {index * _BLOCK} on: is memory short? Use fewer workers"
             )
         decoded[index] = found
-        on_progress(protocol.name, sum(map(len, decoded.values())), total)
+        done += len(found)
+        on_progress(protocol.name, done, total)
     return iou_rate(
         [grasp for index in sorted(decoded) for grasp in decoded[index]],
         [dataset.rectangles(row) for row in range(total)],
@@ -87,26 +88,27 @@ def _inputs(model: keras.Model, dataset: TestData, recentred: bool) -> Iterator[
     """Network inputs (H, W), one by one."""
     size = tuple(model.input_shape[1:3])
     for row in range(len(dataset)):
-        image = dataset.batch([row], 0)[0][0, ..., 0]
+        image = dataset.depth(row)
         if None not in size and image.shape != size:
             raise DatasetError(f"expected images of {size} px, which the network takes, received {image.shape}")
         yield image - image.mean() if recentred else image
 
 
+def _decode_all(maps: Iterator[npt.NDArray[np.float32]], workers: int) -> Iterator[tuple[int, Any]]:
+    """Grasps of consecutive images, by the number of their block; alone, every image is a block."""
+    if workers > 1:
+        return run_parallel(_decode, _blocks(maps), workers)
+    return ((index, _decode(one[None])) for index, one in enumerate(maps))
+
+
 def _blocks(maps: Iterator[npt.NDArray[np.float32]]) -> Iterator[tuple[npt.NDArray[np.float32]]]:
-    """Stack consecutive images' maps: (n, 4, H, W), n up to `_BLOCK`, as arguments of `_decode_block`."""
+    """Stack consecutive images' maps: (n, 4, H, W), n up to `_BLOCK`, as arguments of `_decode`."""
     while block := list(islice(maps, _BLOCK)):
         yield (np.stack(block),)
 
 
-def _decode_all(blocks: Iterator[tuple[npt.NDArray[np.float32]]], workers: int) -> Iterator[tuple[int, Any]]:
-    if workers > 1:
-        return run_parallel(_decode_block, blocks, workers)
-    return ((index, _decode_block(*block)) for index, block in enumerate(blocks))
-
-
-def _decode_block(maps: npt.NDArray[np.float32]) -> list[Grasp | None]:
-    """The best grasp of each image of a block."""
+def _decode(maps: npt.NDArray[np.float32]) -> list[Grasp | None]:
+    """The best grasp of each of n images, from their maps (n, 4, H, W)."""
     return [
         next(iter(decode_maps(quality, cos, sin, width, decoding=_DECODING)), None) for quality, cos, sin, width in maps
     ]

@@ -68,6 +68,10 @@ class EvenRows:
         """Inputs and targets, see `GraspDataset.batch`."""
         return self._data.batch(self.rows[list(rows)].tolist(), epoch)
 
+    def depth(self, row: int) -> npt.NDArray[np.float32]:
+        """One image, see `GraspDataset.depth`."""
+        return self._data.depth(int(self.rows[row]))
+
     def rectangles(self, row: int) -> npt.NDArray[np.float64]:
         """Labelled rectangles, see `GraspDataset.rectangles`."""
         return self._data.rectangles(int(self.rows[row]))

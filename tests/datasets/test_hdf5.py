@@ -60,6 +60,7 @@ def test_batches_in_any_order(tmp_path, samples):
     assert inputs.shape == (4, 300, 300, 1)
     for index, row in enumerate([2, 0, 2, 1]):
         np.testing.assert_array_equal(inputs[index, ..., 0], samples[row].depth)
+        np.testing.assert_array_equal(dataset.depth(row), samples[row].depth)
         np.testing.assert_array_equal(targets[index], targets_of(*samples[row].maps))
     with pytest.raises(DatasetError, match="0 to 2"):
         dataset.batch([3])
