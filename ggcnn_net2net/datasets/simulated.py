@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ggcnn_net2net.atomic import replacing, write_text
+from ggcnn_net2net.atomic import alone, replacing, write_text
 from ggcnn_net2net.datasets.simulated_labels import ALIKE, TRIES, label_grasps, label_rectangles, tried_grasps
 from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.inpainting import fill_missing
@@ -181,11 +181,29 @@ def simulate_folder(
         Number of labels of each scene.
 
     Raises:
-        DatasetError: the folder holds scenes with other settings, or too many scenes are asked for.
+        DatasetError: the folder holds scenes with other settings, too many scenes are asked for, or another process
+            writes to the folder.
     """
     if not 1 <= scenes <= MAX_SCENES:
         raise DatasetError(f"expected 1 to {MAX_SCENES} scenes, received {scenes}")
-    _claim(folder, settings)
+    refusal = DatasetError(
+        f"expected {folder} to be free, another process writes scenes there: wait for it, or choose another folder"
+    )
+    with alone(folder / "scenes.lock", refusal):
+        _claim(folder, settings)
+        _write_missing(folder, scenes, settings, workers, on_progress)
+        records = [json.loads(_file(folder, index, "scene.json").read_text()) for index in range(scenes)]
+        numbers = {name: number for number, name in enumerate(sorted({record["object"] for record in records}))}
+        lines = [
+            f"{index:04d} {numbers[record['object']]} {record['object']}\n" for index, record in enumerate(records)
+        ]
+        write_text(folder / "z.txt", "".join(lines))
+    return {record["name"]: record["labels"] for record in records}
+
+
+def _write_missing(
+    folder: Path, scenes: int, settings: Simulation, workers: int, on_progress: Callable[[int, int], None]
+) -> None:
     missing = [index for index in range(scenes) if not _file(folder, index, "scene.json").is_file()]
     done = scenes - len(missing)
     on_progress(done, scenes)
@@ -198,11 +216,6 @@ def simulate_folder(
             )
         done += 1
         on_progress(done, scenes)
-    records = [json.loads(_file(folder, index, "scene.json").read_text()) for index in range(scenes)]
-    numbers = {name: number for number, name in enumerate(sorted({record["object"] for record in records}))}
-    lines = [f"{index:04d} {numbers[record['object']]} {record['object']}\n" for index, record in enumerate(records)]
-    write_text(folder / "z.txt", "".join(lines))
-    return {record["name"]: record["labels"] for record in records}
 
 
 def _claim(folder: Path, settings: Simulation) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ggcnn_net2net.atomic import alone
 from ggcnn_net2net.datasets.raw import open_scenes
 from ggcnn_net2net.datasets.simulated import Simulation, simulate_folder, simulate_scene
 from ggcnn_net2net.errors import DatasetError
@@ -120,6 +121,13 @@ def test_folder_of_other_settings_is_refused(folder):
 
 
 SMALL = GripperSpec(palm=(0.1, 0.02, 0.01), finger_length=0.04, max_opening=0.08)
+
+
+def test_a_folder_that_another_process_writes_to_is_refused(tmp_path):
+    busy = alone(tmp_path / "scenes.lock", RuntimeError("not busy yet"))
+    with busy, pytest.raises(DatasetError, match=r"another process writes scenes there.*another folder"):
+        simulate_folder(tmp_path, 1, Simulation(seed=3), workers=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["scenes.lock"]
 
 
 def test_labels_are_for_the_gripper(world):
