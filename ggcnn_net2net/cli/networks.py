@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import keras
@@ -26,11 +27,42 @@ def open_network(network: str, input_size: int, seed: int) -> tuple[keras.Model,
     """
     from ggcnn_net2net.architecture import build_ggcnn
     from ggcnn_net2net.model_files import load_ggcnn
-    from ggcnn_net2net.model_files.load import opened_name, source_path
+    from ggcnn_net2net.model_files.load import opened_name
+
+    path = _file_of(network)
+    if path is None:
+        return build_ggcnn(network, input_size=input_size, seed=seed), network
+    return load_ggcnn(path), opened_name(network, path)
+
+
+def made_by(network: str) -> dict[str, Any] | None:
+    """What made a network, as `ggcnn-net2net train` and the zoo write it beside a model file.
+
+    Args:
+        network: as for `open_network`.
+
+    Returns:
+        The record without what was measured of the network later; None where there is none for this very file.
+    """
+    from ggcnn_net2net.reference_data import sha256_of
+    from ggcnn_net2net.zoo import MEASURED
+
+    path = _file_of(network)
+    if path is None:
+        return None
+    try:
+        record = dict(json.loads(path.with_suffix(".json").read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return None
+    if record.get("model_sha256") != sha256_of(path):
+        return None
+    return {name: value for name, value in record.items() if name not in MEASURED}
+
+
+def _file_of(network: str) -> Path | None:
+    """The model file that is meant; None for an architecture."""
+    from ggcnn_net2net.model_files.load import PUBLISHED, source_path
     from ggcnn_net2net.zoo import PREFIX
 
-    is_file = network == "published" or network.startswith(PREFIX) or Path(network).suffix or Path(network).exists()
-    if not is_file:
-        return build_ggcnn(network, input_size=input_size, seed=seed), network
-    path = source_path(network)
-    return load_ggcnn(path), opened_name(network, path)
+    is_file = network == PUBLISHED or network.startswith(PREFIX) or Path(network).suffix or Path(network).exists()
+    return source_path(network) if is_file else None

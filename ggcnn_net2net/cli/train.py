@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ggcnn_net2net.cli.networks import open_network
+from ggcnn_net2net.cli.networks import made_by, open_network
 from ggcnn_net2net.cli.options import PROTOCOL
 
 if TYPE_CHECKING:
@@ -126,6 +126,7 @@ def train_command(
     import_tensorflow()
     set_threads(threads)
     model, name = open_network(network, stored.shape[0], seed)
+    earlier = made_by(network)
     checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
     console = Console()
     try:
@@ -146,6 +147,8 @@ def train_command(
         raise
     save_ggcnn(result.model, output)
     facts = {"network": name, "threads": threads, "fresh_augmentations": scenes is not None}
+    if earlier is not None:
+        facts["network_made_by"] = earlier
     _write_records(output, result, recipe, stored, facts, stages if is_staged(operations) else [])
     console.print(_table(result))
     click.echo(f"written to {output}, with .csv, .png and .json beside it")

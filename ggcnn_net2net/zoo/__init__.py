@@ -5,11 +5,12 @@
 
 from ggcnn_net2net.zoo.adding import MAX_BYTES, REQUIRED_FIELDS, add
 from ggcnn_net2net.zoo.files import PREFIX, STAND_IN, StandInWarning, names, network_file, provenance
-from ggcnn_net2net.zoo.measured import measured
+from ggcnn_net2net.zoo.measured import MEASURED, measured
 from ggcnn_net2net.zoo.searched import searched
 
 __all__ = [
     "MAX_BYTES",
+    "MEASURED",
     "PREFIX",
     "REQUIRED_FIELDS",
     "STAND_IN",

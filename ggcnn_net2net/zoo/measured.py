@@ -9,6 +9,9 @@ from typing import Any
 
 from ggcnn_net2net.errors import ResultsError
 
+MEASURED = ("sim", "iou")
+"""Keys of what `measured` returns."""
+
 
 def measured(sha256: str, results: Iterable[Path] = (), iou: Iterable[Path] = ()) -> dict[str, Any]:
     """Results of a network, for its provenance.

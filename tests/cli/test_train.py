@@ -14,6 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 import ggcnn_net2net as gn
+from ggcnn_net2net import zoo
+from ggcnn_net2net.cli.networks import made_by
 from ggcnn_net2net.cli.train import train_command
 from ggcnn_net2net.datasets.augmentation import Augmentation
 from ggcnn_net2net.datasets.build import build_dataset
@@ -111,6 +113,26 @@ def test_the_control_is_as_long_and_does_not_grow(call, tmp_path):
     facts = json.loads(output.with_suffix(".json").read_text())
     assert [stage["operation"] for stage in facts["stages"]] == [None, None]
     assert facts["last_epoch"]["epoch"] == 2
+
+
+def test_the_record_tells_what_made_the_network_it_started_from(call, tmp_path):
+    first, second, third = (tmp_path / f"{name}.hdf5" for name in ("first", "second", "third"))
+    call("shallow", first, "--epochs", 1)
+    call(first, second, "--epochs", 1)
+    before, facts = (json.loads(path.with_suffix(".json").read_text()) for path in (first, second))
+    assert "network_made_by" not in before
+    assert facts["network_made_by"] == before
+    first.with_suffix(".json").write_text(second.with_suffix(".json").read_text())  # a record of another file
+    call(first, third, "--epochs", 1)
+    assert "network_made_by" not in json.loads(third.with_suffix(".json").read_text())
+
+
+def test_a_network_of_the_zoo_brings_its_record_without_its_results():
+    record = made_by("zoo:narrow")
+    assert record["command"].startswith("ggcnn-net2net train narrow")
+    assert {"sim", "iou"} < set(zoo.provenance("narrow"))
+    assert not {"sim", "iou"} & set(record)
+    assert made_by("narrow") is None  # the architecture
 
 
 def test_wrong_operations_are_refused_before_any_training(call, tmp_path):
