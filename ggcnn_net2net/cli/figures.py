@@ -45,7 +45,7 @@ _RUN = (
         default="standard",
         show_default=True,
         type=click.Choice(["quick", "standard", "paper"]),
-        help="With --run, of each search: about 10 minutes on 2 cores, about 3 hours, all images.",
+        help="With --run, of each search: minutes to an hour, a night or more, days on 2 cores.",
     ),
     click.option(
         "--protocol",
