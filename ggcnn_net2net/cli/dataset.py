@@ -121,6 +121,12 @@ def build(
     is_flag=True,
     help="Label objects without sure grasps by what holds in simulation, not pass them over. Slow.",
 )
+@click.option(
+    "--sides",
+    nargs=2,
+    type=float,
+    help="Range of the objects' longest sides in metres, such as 0.2 0.32.  [default: 0.04 to 0.32, mostly small]",
+)
 @SEED
 @PROTOCOL
 @GRIPPER
@@ -131,6 +137,7 @@ def simulate(
     noise: float,
     missing: float,
     tried_labels: bool,
+    sides: tuple[float, float] | None,
     seed: int,
     protocol_name: str,
     gripper_file: Path | None,
@@ -156,6 +163,7 @@ def simulate(
         noise=noise,
         missing=missing,
         tried_labels=tried_labels,
+        sides=sides,
         protocol=protocol_named(protocol_name),
         gripper=gripper_of(gripper_file),
     )

@@ -27,7 +27,7 @@ from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.antipodal import LOOSE_RULE, AntipodalRule
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.scenes import Scene, drop_object
-from ggcnn_net2net.simulation.training_objects import training_object
+from ggcnn_net2net.simulation.training_objects import SIDES, WIDEST, training_object
 from ggcnn_net2net.simulation.world import World, process_world
 
 FORMAT = "ggcnn_net2net simulated scenes 1"
@@ -58,6 +58,8 @@ class Simulation:
     tried_labels: bool = False
     """Whether a scene with too few labels gets labels that were tried in simulation (`simulated_labels.tried_grasps`)
     before it is drawn again. Without, objects that are hard to grasp are never seen."""
+    sides: tuple[float, float] | None = None
+    """Range of the objects' longest sides in metres; None: 0.04 to 0.32, more small ones than large ones."""
     place: float = 0.06
     """Metres within which labels have to agree on the closing direction and the opening."""
     protocol: Protocol = PAPER
@@ -77,15 +79,22 @@ class Simulation:
                 "expected a seed and noise of 0 or more, missing within [0, 1] and least_labels of 1 or more, received "
                 f"seed={self.seed}, noise={self.noise}, missing={self.missing}, least_labels={self.least_labels}"
             )
+        low, high = self.sides or SIDES
+        if not (SIDES[0] <= low <= high <= SIDES[1] and low <= WIDEST):
+            raise DatasetError(
+                f"expected sides from {SIDES[0]} to {SIDES[1]} m, the lower one first and at most {WIDEST} m, received "
+                f"{self.sides}"
+            )
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON holds them; with a gripper that is not the paper's, and with how labels were tried, if they were."""
+        """As JSON holds them; what was added to the settings later only where it is not the default."""
         own = {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": self.protocol.name}
-        del own["gripper"], own["tried_labels"]
+        del own["gripper"], own["tried_labels"], own["sides"]
+        sides = {"sides": list(self.sides)} if self.sides else {}
         how = {"label_rule": asdict(LOOSE_RULE), "tries": TRIES, "alike": list(ALIKE)}
         tried = {"tried_labels": how} if self.tried_labels else {}
         # Labels of other rules must not mix in a folder.
-        return {**own, **self.gripper.as_setting(), "label_rule": asdict(AntipodalRule()), **tried}
+        return {**own, **self.gripper.as_setting(), "label_rule": asdict(AntipodalRule()), **tried, **sides}
 
 
 @dataclass(frozen=True)
@@ -118,7 +127,7 @@ def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedS
     """
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([settings.seed, index, attempt])
-        model = training_object(index * _ATTEMPTS + attempt, settings.seed, settings.protocol)
+        model = training_object(index * _ATTEMPTS + attempt, settings.seed, settings.protocol, settings.sides)
         body, stable, drops = drop_object(world, model, rng)
         if not stable:
             continue
@@ -229,7 +238,7 @@ def _claim(folder: Path, settings: Simulation) -> None:
         found = dict(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
         raise DatasetError(f"expected the settings of simulated scenes in {path}: {error}") from error
-    usual = {"gripper": "the paper's", "tried_labels": "none"}
+    usual = {"gripper": "the paper's", "tried_labels": "none", "sides": "all"}
     here, there = ({**usual, **values} for values in (expected, found))
     differing = [name for name in here if there.get(name) != here[name]]
     if differing:

@@ -111,6 +111,19 @@ def test_folder_goes_on_and_does_not_depend_on_workers(folder, tmp_path):
     assert files_of(tmp_path) == files_of(folder)
 
 
+@pytest.mark.parametrize("sides", [(0.03, 0.2), (0.2, 0.1), (0.1, 0.4), (0.3, 0.32)])
+def test_sides_that_no_object_can_have_are_refused(sides):
+    with pytest.raises(DatasetError, match=r"sides from 0.04 to 0.32 m, the lower one first and at most 0.25 m"):
+        Simulation(sides=sides)
+
+
+def test_sides_belong_to_the_settings(folder):
+    assert "sides" not in Simulation().as_dict()
+    assert Simulation(sides=(0.2, 0.3)).as_dict()["sides"] == [0.2, 0.3]
+    with pytest.raises(DatasetError, match=r"sides \(all there, \[0.2, 0.3\] here\)"):
+        simulate_folder(folder, 4, Simulation(seed=3, sides=(0.2, 0.3)), workers=1)
+
+
 def test_folder_of_other_settings_is_refused(folder):
     before = files_of(folder)
     with pytest.raises(DatasetError, match=r"noise \(0.0 there, 0.001 here\)"):

@@ -189,6 +189,17 @@ def test_centre_follows_the_protocol():
     assert training_object(index, SEED).centre != training_object(index, SEED, CORRECTED).centre
 
 
+def test_sides_can_be_given():
+    sides = (0.2, 0.3)
+    large = [training_object(index, SEED, sides=sides) for index in range(60)]
+    longest = np.array([one.longest_side for one in large])
+    assert longest.min() >= 0.2 - 1e-6
+    assert longest.max() <= 0.3 + 1e-6
+    assert np.ptp(longest) > 0.08
+    assert {one.category for one in large} > {"pybullet", "cup"}
+    assert all(np.sort(extents(read_parts(one.mesh)) * one.scale)[1] <= WIDEST + 1e-6 for one in large)
+
+
 @pytest.mark.parametrize(("index", "seed"), [(-1, 0), (0, -1)])
 def test_negative_numbers(index, seed):
     with pytest.raises(ObjectSetError, match="0 or more"):

@@ -74,13 +74,17 @@ FAMILIES: tuple[Family, ...] = (
 )
 
 
-def training_object(index: int, seed: int, protocol: Protocol = PAPER) -> ObjectModel:
+def training_object(
+    index: int, seed: int, protocol: Protocol = PAPER, sides: tuple[float, float] | None = None
+) -> ObjectModel:
     """Make one training object; its mesh is kept by content in the user's cache, where several processes may write it.
 
     Args:
         index: which one of the endless family, 0 or more.
         seed: of the family, 0 or more; `index` and `seed` alone decide everything.
         protocol: decides where the object's centre lies.
+        sides: range of the longest side in metres, the lower one at most `WIDEST`; None: `SIDES`, and `PYBULLET_SIDES`
+            for pybullet_data's. What would be too wide or too thin for the range is drawn again.
 
     Returns:
         The object, named FAMILY_INDEX, its category the family.
@@ -95,32 +99,35 @@ def training_object(index: int, seed: int, protocol: Protocol = PAPER) -> Object
     family = FAMILIES[rng.choice(len(FAMILIES), p=weights / weights.sum())]
     name = f"{family.name}_{index:06d}"
     if family.design is None:
-        mesh, side = _draw_pybullet(rng)
+        mesh, side = _draw_pybullet(rng, sides or PYBULLET_SIDES)
         return make_model(name, family.name, mesh, protocol, longest_side=side)
-    return make_model(name, family.name, _cached(name, build(family.design, rng)), protocol)
+    return make_model(name, family.name, _cached(name, build(family.design, rng, sides or SIDES)), protocol)
 
 
-def build(design: Callable[[np.random.Generator], list[Part]], rng: np.random.Generator) -> list[Part]:
-    """Draw an assembly and its size: convex parts in metres. A design too thin for every size is drawn again."""
+def build(
+    design: Callable[[np.random.Generator], list[Part]],
+    rng: np.random.Generator,
+    sides: tuple[float, float] = SIDES,
+) -> list[Part]:
+    """Draw an assembly and its size: convex parts in metres. A design of which no size fits is drawn again."""
     while True:
         parts = design(rng)
         longest = extents(parts).max()
-        low = max(SIDES[0], THINNEST * longest / min(_thickness(part) for part in parts))
-        high = _largest_side(parts, SIDES[1])
+        low = max(sides[0], THINNEST * longest / min(_thickness(part) for part in parts))
+        high = _largest_side(parts, sides[1])
         if low <= high:
             return scale(parts, between(rng, low, high) / longest)
 
 
-def _draw_pybullet(rng: np.random.Generator) -> tuple[Path, float]:
-    """One of pybullet_data's meshes that has few parts, and a longest side for it in metres."""
+def _draw_pybullet(rng: np.random.Generator, sides: tuple[float, float]) -> tuple[Path, float]:
+    """One of pybullet_data's meshes that has few parts and is not too wide, and a longest side for it in metres."""
     root = Path(pybullet_data.getDataPath()) / "random_urdfs"
     while True:
         number = str(rng.choice(PYBULLET_NUMBERS))
         mesh = root / number / f"{number}.obj"
         parts = read_parts(mesh)
-        if len(parts) <= MAX_PARTS:
-            low, high = PYBULLET_SIDES
-            return mesh, between(rng, low, _largest_side(parts, high))
+        if len(parts) <= MAX_PARTS and sides[0] <= (largest := _largest_side(parts, sides[1])):
+            return mesh, between(rng, sides[0], largest)
 
 
 def _largest_side(parts: list[Part], limit: float) -> float:
