@@ -44,8 +44,14 @@ _RUN = (
         "--budget",
         default="standard",
         show_default=True,
-        type=click.Choice(["quick", "standard", "paper"]),
-        help="With --run, of each search: minutes to an hour, a night or more, days on 2 cores.",
+        type=click.Choice(["quick", "short", "standard", "paper"]),
+        help="With --run, of each search: from minutes to an hour up to days on 2 cores.",
+    ),
+    click.option(
+        "--max-params",
+        "max_parameters",
+        type=click.IntRange(min=1),
+        help="With --run: consider no larger networks, which are the slowest. [default: no limit, as in the paper]",
     ),
     click.option(
         "--protocol",
@@ -217,6 +223,7 @@ def _run(
     *,
     data: Path,
     budget: str,
+    max_parameters: int | None,
     protocol_name: str | None,
     objects_spec: str,
     poses: int,
@@ -243,7 +250,7 @@ def _run(
         with LocalWorkers(workers or os.cpu_count() or 1) as pool:
             run_experiment(
                 part,
-                Conditions(data, budget, seed, objects_spec, poses),
+                Conditions(data, budget, seed, objects_spec, poses, max_parameters),
                 output,
                 pool,
                 work=work,

@@ -46,6 +46,7 @@ class CurvePoint:
     """That led to the network: deeper(3), retrain(8), root."""
     seed: int
     budget: str
+    """Of the search, with its limit of parameters if it had one."""
     objects: str
     """What was grasped, or the test images."""
     network: str

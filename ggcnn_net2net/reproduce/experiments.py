@@ -40,8 +40,10 @@ class Curve:
         """What the search starts from, for people."""
         return Path(self.network).name
 
-    def settings(self, budget: str, protocol: Protocol, seed: int, threads: int) -> SearchSettings:
-        """The search's settings, with a budget of `search.BUDGETS`."""
+    def settings(
+        self, budget: str, protocol: Protocol, seed: int, threads: int, max_parameters: int | None = None
+    ) -> SearchSettings:
+        """The search's settings, with a budget of `search.BUDGETS`; the paper has no limit of parameters."""
         from ggcnn_net2net.search import BUDGETS, SearchSettings
         from ggcnn_net2net.training import Recipe
 
@@ -52,6 +54,7 @@ class Curve:
             lookahead=self.lookahead,
             transpose=self.transpose,
             recipe=Recipe(epochs=self.epochs, images_per_epoch=images.images_per_epoch, protocol=protocol),
+            max_parameters=max_parameters,
             retrain=self.retrain,
             score_images=images.score_images,
             seed=seed,

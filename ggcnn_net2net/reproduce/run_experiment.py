@@ -44,6 +44,14 @@ class Conditions:
     objects: str = "procedural40"
     """Object set of the simulation."""
     poses: int = 5
+    max_parameters: int | None = None
+    """The searches consider no larger networks; None: no limit, as in the paper."""
+
+    @property
+    def effort(self) -> str:
+        """The budget and the limit, as they stand in the results."""
+        limit = "" if self.max_parameters is None else f", at most {self.max_parameters:,} parameters"
+        return f"{self.budget}{limit}"
 
 
 @dataclass(frozen=True)
@@ -71,7 +79,7 @@ def run_experiment(
 
     Args:
         experiment: the curves, see `experiments.part_of`.
-        conditions: data, budget, seed and objects.
+        conditions: data, budget, limit, seed and objects.
         output: folder of results.csv.
         workers: train the candidates.
         work: folder for searches/CURVE-PROTOCOL (each a folder of `search`, with its report), simulation-PROTOCOL (a
@@ -141,7 +149,7 @@ def _search(
 
     model = _start_of(curve)
     threads = max(1, (os.cpu_count() or 1) // workers.count)
-    settings = curve.settings(conditions.budget, protocol, conditions.seed, threads)
+    settings = curve.settings(conditions.budget, protocol, conditions.seed, threads, conditions.max_parameters)
     if read_events(directory / JOURNAL_FILE):
         _check_same(load_history(directory), settings, model, conditions.data, directory)
         history = resume_search(directory, workers, on_event=on_event)
@@ -246,7 +254,7 @@ def _points(
         facts = {
             **made,
             "seed": conditions.seed,
-            "budget": conditions.budget,
+            "budget": conditions.effort,
             "depth": candidate.depth,
             "parameters": network.parameters,
             "architecture": network.architecture,

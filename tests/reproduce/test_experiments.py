@@ -47,6 +47,9 @@ def test_the_searches_are_the_papers():
     assert settings_of("e=2") == replace(settings_of("e=2 r=8"), retrain=0)
     assert (settings_of("e=2").recipe.images_per_epoch, settings_of("e=2").score_images) == (1500, 500)
     assert (settings_of("e=2").seed, settings_of("e=2").threads) == (3, 2)
+    assert settings_of("e=2").max_parameters is None
+    limited = EXPERIMENTS["fig3"].curves[0].settings("quick", PAPER, seed=0, threads=1, max_parameters=16104)
+    assert limited.max_parameters == 16104
 
 
 def test_folders_of_curves_differ():
@@ -240,9 +243,22 @@ def test_what_the_options_ask_for(asked):
     assert experiment.protocols == (PAPER, CORRECTED)
     assert (str(conditions.data), conditions.budget, conditions.seed) == ("my.h5", "quick", 4)
     assert (conditions.objects, conditions.poses) == ("procedural40", 5)
+    assert (conditions.max_parameters, conditions.effort) == (None, "quick")
     assert (str(output), work) == ("results/fig2", None)
-    call(figures.fig3, *options, "--networks", "narrow=n.hdf5", "--protocol", "corrected", "-o", "mine")
-    experiment, _, output, _ = asked["fig3"]
+    call(
+        figures.fig3,
+        *options,
+        "--networks",
+        "narrow=n.hdf5",
+        "--protocol",
+        "corrected",
+        "-o",
+        "mine",
+        "--max-params",
+        16104,
+    )
+    experiment, conditions, output, _ = asked["fig3"]
+    assert conditions.effort == "standard, at most 16,104 parameters"
     assert [curve.network for curve in experiment.curves] == ["n.hdf5", "zoo:shallow"]
     assert experiment.protocols == (CORRECTED,)
     assert str(output) == "mine"

@@ -3,6 +3,8 @@ from dataclasses import replace
 
 import pytest
 
+from ggcnn_net2net.cli.figures import fig2
+from ggcnn_net2net.cli.search import run
 from ggcnn_net2net.errors import SearchError
 from ggcnn_net2net.protocol import CORRECTED
 from ggcnn_net2net.search import BUDGETS, SearchSettings
@@ -51,10 +53,16 @@ def test_rungs_of_successive_halving(epochs, rungs):
 
 
 def test_budgets_grow_up_to_all_images():
-    quick, standard, paper = BUDGETS["quick"], BUDGETS["standard"], BUDGETS["paper"]
-    assert quick.images_per_epoch < standard.images_per_epoch
-    assert quick.score_images < standard.score_images
+    *limited, paper = BUDGETS.values()
+    assert [budget.images_per_epoch for budget in limited] == sorted({budget.images_per_epoch for budget in limited})
+    assert [budget.score_images for budget in limited] == sorted({budget.score_images for budget in limited})
     assert paper.images_per_epoch is paper.score_images is None
+
+
+def test_commands_offer_all_budgets():
+    for command in (run, fig2):  # whose --help must not load the search
+        (offered,) = (option.type.choices for option in command.params if option.name == "budget")
+        assert list(offered) == list(BUDGETS)
 
 
 @pytest.mark.parametrize(
