@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ggcnn_net2net.atomic import write_text
 from ggcnn_net2net.errors import ResultsError
+from ggcnn_net2net.parallel import Crash
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, CurvePoint, read_points, write_points
 from ggcnn_net2net.reproduce.experiments import Curve, Experiment
@@ -81,7 +82,7 @@ def run_experiment(
         experiment: the curves, see `experiments.part_of`.
         conditions: data, budget, limit, seed and objects.
         output: folder of results.csv.
-        workers: train the candidates.
+        workers: train the candidates and compute their IoU rates.
         work: folder for searches/CURVE-PROTOCOL (each a folder of `search`, with its report), simulation-PROTOCOL (a
             folder of `table1`) and iou.json; experiments with the same one share what is equal. Default: `output`.
         command: how the user started it, for the record.
@@ -92,7 +93,7 @@ def run_experiment(
         on; SIM is on the same scenes for all curves of a protocol.
 
     Raises:
-        ResultsError: `work` holds a search with other settings, or grasps were lost to workers that died.
+        ResultsError: `work` holds a search with other settings, or grasps or rates were lost to workers that died.
         SearchError, DatasetError, ModelFileError: as `search.start_search` and `load_ggcnn`.
     """
     from ggcnn_net2net.reproduce.table1 import run_table1
@@ -110,7 +111,16 @@ def run_experiment(
             found = _networks_of(curve, history, directory)
             networks += found
             with views.judging(title) as on_progress:
-                iou = _iou_rates(found, conditions.data, protocol, work / _IOU_FILE, on_progress)
+                iou = _iou_rates(
+                    found,
+                    directory,
+                    conditions.data,
+                    protocol,
+                    history.settings.threads,
+                    workers,
+                    work / _IOU_FILE,
+                    on_progress,
+                )
                 table = run_table1(
                     networks,
                     objects,
@@ -218,25 +228,48 @@ def _networks_of(curve: Curve, history: SearchHistory, directory: Path) -> list[
 
 
 def _iou_rates(
-    networks: Sequence[Network], data: Path, protocol: Protocol, known_file: Path, on_progress: Progress
+    networks: Sequence[Network],
+    directory: Path,
+    data: Path,
+    protocol: Protocol,
+    threads: int,
+    workers: Workers,
+    known_file: Path,
+    on_progress: Progress,
 ) -> list[Rate]:
-    """IoU rates over all test images; those that `known_file` holds are not computed again."""
+    """IoU rates over all test images, a network a worker; those that `known_file` holds are not computed again."""
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+
+    images = GraspDataset(data, "test").fingerprint
+    known: dict[str, list[int]] = json.loads(known_file.read_text(encoding="utf-8")) if known_file.is_file() else {}
+    keys = [f"{network.sha256} {images} {protocol.name}" for network in networks]
+    missing = {key: directory / network.file for key, network in zip(keys, networks, strict=True) if key not in known}
+    inputs = [(path, data, protocol, threads) for path in missing.values()]
+    on_progress("IoU rate", 0, len(missing))
+    for done, (index, counts) in enumerate(workers.run(_iou_counts, inputs), start=1):
+        if isinstance(counts, Crash):
+            raise ResultsError(
+                f"an IoU rate was lost because worker processes died {counts.attempts} times: is memory short? Run the "
+                "command again, it does only what is missing"
+            )
+        known[list(missing)[index]] = counts
+        write_text(known_file, json.dumps(known, indent=1) + "\n")
+        on_progress("IoU rate", done, len(missing))
+    return [Rate(*known[key]) for key in keys]
+
+
+def _iou_counts(path: Path, data: Path, protocol: Protocol, threads: int) -> list[int]:
+    """In a worker: successes and images of the test split."""
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
     from ggcnn_net2net.inference.iou_rate import iou_rate_of
+    from ggcnn_net2net.model_files import load_ggcnn
+    from ggcnn_net2net.quiet import import_tensorflow
+    from ggcnn_net2net.training import set_threads
 
-    test = GraspDataset(data, "test")
-    known: dict[str, list[int]] = json.loads(known_file.read_text(encoding="utf-8")) if known_file.is_file() else {}
-    rates: list[Rate] = []
-    for network in networks:
-        on_progress("IoU rate", len(rates), len(networks))
-        key = f"{network.sha256} {test.fingerprint} {protocol.name}"
-        if key not in known:
-            rate = iou_rate_of(network.model, test, protocol)
-            known[key] = [rate.successes, rate.total]
-            write_text(known_file, json.dumps(known, indent=1) + "\n")
-        rates.append(Rate(*known[key]))
-    on_progress("IoU rate", len(rates), len(networks))
-    return rates
+    import_tensorflow()
+    set_threads(threads)
+    rate = iou_rate_of(load_ggcnn(path), GraspDataset(data, "test"), protocol)
+    return [rate.successes, rate.total]
 
 
 def _points(

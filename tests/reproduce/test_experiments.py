@@ -13,7 +13,7 @@ from commands import call
 
 from ggcnn_net2net.cli import figures
 from ggcnn_net2net.errors import ResultsError
-from ggcnn_net2net.grasping import IouRate
+from ggcnn_net2net.parallel import Crash
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.reproduce import run_experiment as run_experiment_module
 from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, read_points, write_points
@@ -164,7 +164,7 @@ def test_every_network_gets_its_own_rates(conditions, objects, network, tmp_path
 
     def search(curve, *_):
         path = [(candidate(depth), depth / 10) for depth in range(len(paths[curve.name]))]
-        return SimpleNamespace(path=path, data={"test": "0123456789"})
+        return SimpleNamespace(path=path, data={"test": "0123456789"}, settings=SimpleNamespace(threads=1))
 
     def networks_of(curve, *_):
         return [
@@ -172,15 +172,19 @@ def test_every_network_gets_its_own_rates(conditions, objects, network, tmp_path
             for n, opening in enumerate(paths[curve.name])
         ]
 
-    def iou_rate_of(opening, test, protocol):
-        return IouRate((None,) * 3, (opening == 60.0, opening == 60.0, False))
+    def iou_counts(path, *_):
+        curve, depth = path.stem.split(", ")
+        return [2 if paths[curve][int(depth)] == 60.0 else 0, 3]
+
+    def run(function, inputs):  # last first: results come in no order
+        yield from reversed([(index, function(*values)) for index, values in enumerate(inputs)])
 
     monkeypatch.setattr(run_experiment_module, "_search", search)
     monkeypatch.setattr(run_experiment_module, "_networks_of", networks_of)
-    monkeypatch.setattr("ggcnn_net2net.inference.iou_rate.iou_rate_of", iou_rate_of)
+    monkeypatch.setattr(run_experiment_module, "_iou_counts", iou_counts)
     monkeypatch.setattr("ggcnn_net2net.simulation.object_sets.load_object_set", lambda *_: objects)
     experiment = Experiment("two", "Two", (Curve("up"), Curve("down")))
-    points = run_experiment(experiment, conditions, tmp_path, SimpleNamespace(count=2))
+    points = run_experiment(experiment, conditions, tmp_path, SimpleNamespace(count=2, run=run))
     found = {(point.curve, point.depth, point.metric): point for point in points}
     assert len(found) == len(points) == 5 * 3
     for curve, openings in paths.items():
@@ -191,6 +195,16 @@ def test_every_network_gets_its_own_rates(conditions, objects, network, tmp_path
             assert sim.trials == 3
             assert score.value == depth / 10
             assert (iou.operation, iou.objects) == (["root", "deeper(1)", "wider(2)"][depth], "boxes.h5 (01234567)")
+
+
+def test_a_rate_that_workers_died_on_is_an_error(conditions, network, tmp_path):
+    workers = SimpleNamespace(run=lambda *_: [(0, Crash(-9, 2))])
+    found = [network("a", 60.0, "x" * 64)]
+    with pytest.raises(ResultsError, match=r"died 2 times.*again"):
+        run_experiment_module._iou_rates(
+            found, tmp_path, conditions.data, PAPER, 1, workers, tmp_path / "iou.json", lambda *_: None
+        )
+    assert not (tmp_path / "iou.json").exists()
 
 
 def test_no_other_network_takes_the_place_of_the_published_one(conditions, tmp_path, monkeypatch):

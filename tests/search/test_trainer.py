@@ -123,6 +123,7 @@ def test_a_cluster_that_loses_a_worker_in_mid_training(undisturbed, model, datas
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(2400)  # starts TensorFlow 25 times: ten minutes and more on a slow machine
 def test_kill_9_at_20_random_moments(undisturbed, dataset, tmp_path):
     """Five searches, each killed four times, the worker with it or not; all end with the same bits."""
 
