@@ -15,7 +15,11 @@ from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, CurvePoint, CurveRes
 from ggcnn_net2net.reproduce.experiments import Experiment
 
 _METRICS = {IOU: "IoU rate", SIM: "SIM, success rate in simulation"}
-_TRIALS = {IOU: "IoU rate: {} test images of", SIM: "SIM: {} grasps of"}
+_TRIALS = {
+    IOU: "IoU rate: {} test images of",
+    SCORE: "IoU rate: {} test images that the search selected on, of",
+    SIM: "SIM: {} grasps of",
+}
 Style = dict[str, Any]
 _STYLES = (("#1b6ca8", "o"), ("#d1600a", "s"), ("#2a8a4a", "^"), ("#8b4a9e", "D"))  # markers, for those who see grey
 _OURS: Style = {"linestyle": "-", "linewidth": 2, "marker": "o", "markersize": 5, "zorder": 3}
@@ -66,8 +70,8 @@ def conditions(results: Sequence[CurveResult]) -> list[str]:
     """How our numbers were made, a line for each metric and way."""
     lines: dict[str, None] = {}
     for metric in (IOU, SIM):
-        for point in (point for result in results for point in result.at(metric)):
-            trials = _TRIALS[metric].format(point.trials)
+        for point in (point for result in results for point in result.drawn(metric)):
+            trials = _TRIALS[point.metric].format(point.trials or "the")
             search = f"search from {point.network}, budget {point.budget}, seed {point.seed}"
             lines[f"{trials} {point.objects}; {search}"] = None
     return list(lines)
@@ -119,8 +123,8 @@ def _draw_panel(axes: Any, results: Sequence[CurveResult], metric: str, styles: 
         shift = 0.07 * (number - (len(results) - 1) / 2)  # or else the intervals hide each other
         papers = result.paper_at(metric)
         axes.plot([depth + shift for depth, _ in papers], [value for _, value in papers], **_PAPERS | style)
-        _draw_ours(axes, result.at(metric), shift, style)
-    missing = [result.curve.name for result in results if not result.at(metric)]
+        _draw_ours(axes, result.drawn(metric), shift, style)
+    missing = [result.curve.name for result in results if not result.drawn(metric)]
     if missing:
         axes.margins(y=0.12)  # room for the note
         note = f"not run yet: {', '.join(missing)}"
@@ -197,11 +201,11 @@ def _csv(experiment: Experiment, results: Sequence[CurveResult]) -> str:
     writer.writerow(_CSV_COLUMNS)
     for result in results:
         for metric in _METRICS:
-            ours = {point.depth: point for point in result.at(metric)}
+            ours = {point.depth: point for point in result.drawn(metric)}
             papers = dict(result.paper_at(metric))
             for depth in sorted(ours.keys() | papers.keys()):
                 point = ours.get(depth)
-                place = (experiment.name, result.curve.name, result.protocol, metric, depth)
+                place = (experiment.name, result.curve.name, result.protocol, point.metric if point else metric, depth)
                 writer.writerow((*place, *_csv_cells(point), papers.get(depth, "")))
     return text.getvalue()
 

@@ -78,6 +78,10 @@ class CurveResult:
         """Points of one metric, by depth."""
         return sorted((point for point in self.points if point.metric == metric), key=lambda point: point.depth)
 
+    def drawn(self, metric: str) -> list[CurvePoint]:
+        """Points of a panel: where nobody computed the IoU rate over all test images, what the search saw of it."""
+        return self.at(metric) or (self.at(SCORE) if metric == IOU else [])
+
     def paper_at(self, metric: str) -> list[tuple[int, float]]:
         """The paper's depths and values of one metric."""
         return sorted((depth, value) for (name, depth), value in self.paper.items() if name == metric)

@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ggcnn_net2net import zoo
 from ggcnn_net2net.errors import ResultsError
+from ggcnn_net2net.protocol import CORRECTED
 from ggcnn_net2net.reproduce.curve_report import conditions, not_run, write_report
 from ggcnn_net2net.reproduce.curves import (
     COLUMNS,
@@ -20,6 +22,7 @@ from ggcnn_net2net.reproduce.curves import (
     write_points,
 )
 from ggcnn_net2net.reproduce.experiments import EXPERIMENTS
+from ggcnn_net2net.search import SearchSettings
 
 FIG2 = EXPERIMENTS["fig2"]
 POINT = CurvePoint(
@@ -83,6 +86,16 @@ def test_what_ships_can_be_read():
             assert point.value == pytest.approx(point.successes / point.trials)
 
 
+def test_the_shipped_curve_is_the_search_of_the_zoo():
+    found = zoo.provenance("searched_extended")["search"]
+    assert SearchSettings.from_dict(found["settings"]) == FIG2.curves[0].settings("standard", CORRECTED, 0, 1, 67_644)
+    points = [point for point in shipped_points() if (point.curve, point.protocol) == ("e=2", "CORRECTED")]
+    seen = sorted((point for point in points if point.metric == SCORE), key=lambda point: point.depth)
+    assert [(point.operation, point.parameters, point.value) for point in seen] == [
+        (step["operation"], step["parameters"], step["score"]) for step in found["path"]
+    ]
+
+
 def test_curves_without_results_are_named():
     results = results_of(FIG2, [*curve_of("e=2"), *curve_of("e=2 transpose")])
     assert [(one.curve.name, one.protocol) for one in results if one.points] == [
@@ -127,6 +140,24 @@ def test_the_report_holds_ours_and_the_papers(tmp_path):
     assert "154/200 = 0.770" in text
     assert "made up" in text
     assert "not run yet in protocol CORRECTED" in text
+
+
+def test_what_the_search_saw_is_drawn_where_no_rate_is_known(tmp_path):
+    seen = [replace(point, objects="boxes.h5") for point in curve_of() if point.metric == SCORE]
+    counted = [replace(point, successes=350, trials=500) for point in seen]
+    for points, images in ((seen, "the"), (counted, "500")):
+        results = results_of(FIG2, points)
+        assert [len(results[0].drawn(metric)) for metric in (IOU, SIM)] == [6, 0]
+        assert conditions(results) == [
+            f"IoU rate: {images} test images that the search selected on, of boxes.h5; "
+            "search from published, budget standard, seed 0"
+        ]
+        _, _, table = write_report(tmp_path, FIG2, results, "")
+        with table.open() as stream:
+            metrics = {row["metric"] for row in csv.DictReader(stream) if row["value"]}
+        assert metrics == {SCORE}
+    with_rates = results_of(FIG2, list(curve_of()))[0]
+    assert {point.metric for point in with_rates.drawn(IOU)} == {IOU}
 
 
 def test_a_report_without_any_results(tmp_path):
