@@ -54,6 +54,13 @@ _RUN = (
         help="With --run: consider no larger networks, which are the slowest. [default: no limit, as in the paper]",
     ),
     click.option(
+        "--learning-rate",
+        default=1e-3,
+        show_default=True,
+        type=click.FloatRange(0, min_open=True),
+        help="With --run: of each search. Less for a network whose training ended with less.",
+    ),
+    click.option(
         "--protocol",
         "protocol_name",
         type=click.Choice(["paper", "corrected"], case_sensitive=False),
@@ -224,6 +231,7 @@ def _run(
     data: Path,
     budget: str,
     max_parameters: int | None,
+    learning_rate: float,
     protocol_name: str | None,
     objects_spec: str,
     poses: int,
@@ -250,7 +258,7 @@ def _run(
         with LocalWorkers(workers or os.cpu_count() or 1) as pool:
             run_experiment(
                 part,
-                Conditions(data, budget, seed, objects_spec, poses, max_parameters),
+                Conditions(data, budget, seed, objects_spec, poses, max_parameters, learning_rate),
                 output,
                 pool,
                 work=work,

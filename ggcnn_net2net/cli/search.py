@@ -72,7 +72,7 @@ def search_command() -> None:
     default="standard",
     show_default=True,
     type=click.Choice(["quick", "short", "standard", "paper"]),
-    help="Images of an epoch and for a score: 25 and 40, 300 and 200, 1,500 and 500, all. Minutes to days.",
+    help="Images of an epoch and for a score: 25 and 40, 100 each, 1,500 and 500, all. Minutes to days.",
 )
 @click.option("--images-per-epoch", type=POSITIVE, help="[default: of the budget]")
 @click.option("--score-images", type=POSITIVE, help="Images of the test split that score. [default: of the budget]")

@@ -46,7 +46,7 @@ class CurvePoint:
     """That led to the network: deeper(3), retrain(8), root."""
     seed: int
     budget: str
-    """Of the search, with its limit of parameters if it had one."""
+    """Of the search, with its limit of parameters and its learning rate where they are not the paper's."""
     objects: str
     """What was grasped, or the test images."""
     network: str

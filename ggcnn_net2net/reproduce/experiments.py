@@ -14,6 +14,9 @@ from ggcnn_net2net.protocol import CORRECTED, PAPER, Protocol
 if TYPE_CHECKING:
     from ggcnn_net2net.search import SearchSettings
 
+LEARNING_RATE = 1e-3
+"""The paper's, in all of its searches."""
+
 
 @dataclass(frozen=True)
 class Curve:
@@ -41,9 +44,15 @@ class Curve:
         return Path(self.network).name
 
     def settings(
-        self, budget: str, protocol: Protocol, seed: int, threads: int, max_parameters: int | None = None
+        self,
+        budget: str,
+        protocol: Protocol,
+        seed: int,
+        threads: int,
+        max_parameters: int | None = None,
+        learning_rate: float = LEARNING_RATE,
     ) -> SearchSettings:
-        """The search's settings, with a budget of `search.BUDGETS`; the paper has no limit of parameters."""
+        """The search's settings, with a budget of `search.BUDGETS`; limit and learning rate are the paper's."""
         from ggcnn_net2net.search import BUDGETS, SearchSettings
         from ggcnn_net2net.training import Recipe
 
@@ -53,7 +62,12 @@ class Curve:
             depth=self.depth,
             lookahead=self.lookahead,
             transpose=self.transpose,
-            recipe=Recipe(epochs=self.epochs, images_per_epoch=images.images_per_epoch, protocol=protocol),
+            recipe=Recipe(
+                epochs=self.epochs,
+                images_per_epoch=images.images_per_epoch,
+                learning_rate=learning_rate,
+                protocol=protocol,
+            ),
             max_parameters=max_parameters,
             retrain=self.retrain,
             score_images=images.score_images,

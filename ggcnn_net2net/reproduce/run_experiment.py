@@ -15,7 +15,7 @@ from ggcnn_net2net.errors import ResultsError
 from ggcnn_net2net.parallel import Crash
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, CurvePoint, read_points, write_points
-from ggcnn_net2net.reproduce.experiments import Curve, Experiment
+from ggcnn_net2net.reproduce.experiments import LEARNING_RATE, Curve, Experiment
 from ggcnn_net2net.reproduce.statistics import Rate
 
 if TYPE_CHECKING:
@@ -47,12 +47,15 @@ class Conditions:
     poses: int = 5
     max_parameters: int | None = None
     """The searches consider no larger networks; None: no limit, as in the paper."""
+    learning_rate: float = LEARNING_RATE
+    """With which the searches train."""
 
     @property
     def effort(self) -> str:
-        """The budget and the limit, as they stand in the results."""
+        """The budget, and what is not the paper's, as they stand in the results."""
         limit = "" if self.max_parameters is None else f", at most {self.max_parameters:,} parameters"
-        return f"{self.budget}{limit}"
+        rate = "" if self.learning_rate == LEARNING_RATE else f", learning rate {self.learning_rate:g}"
+        return f"{self.budget}{limit}{rate}"
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ def run_experiment(
 
     Args:
         experiment: the curves, see `experiments.part_of`.
-        conditions: data, budget, limit, seed and objects.
+        conditions: data, budget, limit, learning rate, seed and objects.
         output: folder of results.csv.
         workers: train the candidates and compute their IoU rates.
         work: folder for searches/CURVE-PROTOCOL (each a folder of `search`, with its report), simulation-PROTOCOL (a
@@ -159,7 +162,9 @@ def _search(
 
     model = _start_of(curve)
     threads = max(1, (os.cpu_count() or 1) // workers.count)
-    settings = curve.settings(conditions.budget, protocol, conditions.seed, threads, conditions.max_parameters)
+    settings = curve.settings(
+        conditions.budget, protocol, conditions.seed, threads, conditions.max_parameters, conditions.learning_rate
+    )
     if read_events(directory / JOURNAL_FILE):
         _check_same(load_history(directory), settings, model, conditions.data, directory)
         history = resume_search(directory, workers, on_event=on_event)

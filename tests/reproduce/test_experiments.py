@@ -48,8 +48,9 @@ def test_the_searches_are_the_papers():
     assert (settings_of("e=2").recipe.images_per_epoch, settings_of("e=2").score_images) == (1500, 500)
     assert (settings_of("e=2").seed, settings_of("e=2").threads) == (3, 2)
     assert settings_of("e=2").max_parameters is None
-    limited = EXPERIMENTS["fig3"].curves[0].settings("quick", PAPER, seed=0, threads=1, max_parameters=16104)
-    assert limited.max_parameters == 16104
+    assert settings_of("e=2").recipe.learning_rate == 1e-3
+    other = EXPERIMENTS["fig3"].curves[0].settings("quick", PAPER, 0, 1, max_parameters=16104, learning_rate=3e-4)
+    assert (other.max_parameters, other.recipe.learning_rate) == (16104, 3e-4)
 
 
 def test_folders_of_curves_differ():
@@ -259,20 +260,10 @@ def test_what_the_options_ask_for(asked):
     assert (conditions.objects, conditions.poses) == ("procedural40", 5)
     assert (conditions.max_parameters, conditions.effort) == (None, "quick")
     assert (str(output), work) == ("results/fig2", None)
-    call(
-        figures.fig3,
-        *options,
-        "--networks",
-        "narrow=n.hdf5",
-        "--protocol",
-        "corrected",
-        "-o",
-        "mine",
-        "--max-params",
-        16104,
-    )
+    beside = ("--max-params", 16104, "--learning-rate", 3e-4)
+    call(figures.fig3, *options, *beside, "--networks", "narrow=n.hdf5", "--protocol", "corrected", "-o", "mine")
     experiment, conditions, output, _ = asked["fig3"]
-    assert conditions.effort == "standard, at most 16,104 parameters"
+    assert conditions.effort == "standard, at most 16,104 parameters, learning rate 0.0003"
     assert [curve.network for curve in experiment.curves] == ["n.hdf5", "zoo:shallow"]
     assert experiment.protocols == (CORRECTED,)
     assert str(output) == "mine"
