@@ -13,8 +13,8 @@ from ggcnn_net2net.inference.network import BACKENDS, compiled_network
 from ggcnn_net2net.model_files.torch_ggcnn import build_torch_ggcnn
 
 SIZE = 60
-# TensorFlow runs the same operations; another runtime rounds sums in another order.
-TOLERANCE = {"tensorflow": 0, "openvino": 1e-5}
+# One kernel of four filters may add in another order than four of one, and another runtime rounds otherwise.
+TOLERANCE = {"tensorflow": 1e-7, "openvino": 1e-5}
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_images_of_other_sizes_are_those_of_a_network_of_that_size(backend):
     free = keras.models.clone_model(model, input_tensors=keras.Input((48, 84, 1)))
     free.set_weights(model.get_weights())
     received = compiled_network(model, backend)(image)
-    np.testing.assert_allclose(received, maps_of(free, image), rtol=0, atol=TOLERANCE[backend] or 1e-7)
+    np.testing.assert_allclose(received, maps_of(free, image), rtol=0, atol=TOLERANCE[backend])
 
 
 def test_a_size_that_the_strides_do_not_divide_is_refused():
