@@ -1,4 +1,4 @@
-"""`ggcnn-net2net evaluate ...`: single grasps, the failures of a benchmark, the IoU rate."""
+"""`ggcnn-net2net evaluate ...`: single grasps, failures and comparisons of a benchmark, the IoU rate."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ import click
 from ggcnn_net2net.cli.options import GRIPPER, OBJECTS, PROTOCOL, SEED, Picture, gripper_of
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
     from ggcnn_net2net.grasping import IouRate
+    from ggcnn_net2net.reproduce.comparison import Comparison
 
 
 Progress = Callable[[str, int, int], None]
@@ -25,7 +27,7 @@ Progress = Callable[[str, int, int], None]
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 def evaluate() -> None:
-    """Try single grasps of a network, look at failures, score it on a dataset.
+    """Try single grasps of a network, look at failures, compare networks, score one on a dataset.
 
     The whole benchmark of your own network is `ggcnn-net2net reproduce table1 --models original,FILE`.
 
@@ -149,6 +151,31 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
 
 
 @evaluate.command()
+@click.argument("results", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("first")
+@click.argument("second")
+def compare(results: Path, first: str, second: str) -> None:
+    """Compare the networks FIRST and SECOND of a benchmark in the folder RESULTS, scene by scene.
+
+    Shows both success rates, McNemar's exact test on the scenes that both have grasped, and the objects on which the
+    networks differ. A network's name is that of its row in table1.md, or of the column "model" in grasps.csv.
+
+    \b
+    Example: ggcnn-net2net evaluate compare results/table1-procedural40-5poses-seed0-paper control extended
+    """
+    from rich.console import Console
+
+    from ggcnn_net2net.errors import ResultsError
+    from ggcnn_net2net.reproduce import comparison
+    from ggcnn_net2net.reproduce.records import RecordFile
+
+    file = results / "grasps.csv"
+    if not file.is_file():
+        raise ResultsError(f"expected a folder of `reproduce table1`, received {results}, which holds no grasps.csv")
+    _print_comparison(Console(), comparison.compare(RecordFile(file).read(), first, second), first, second)
+
+
+@evaluate.command()
 @click.argument("model")
 @click.argument("dataset", type=click.Path(path_type=Path, exists=True, dir_okay=False))
 @click.option("--split", default="test", show_default=True, help='Split of the dataset, or "all" for all its images.')
@@ -219,20 +246,48 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
         click.echo(f"Written to {csv_path}")
 
 
+def _print_comparison(console: Console, found: Comparison, first: str, second: str) -> None:
+    """Rates, test, and the objects with other counts."""
+    rates = _new_table(("network", "success", "rate (95% interval)"))
+    for name, rate in ((first, found.first), (second, found.second)):
+        low, high = rate.interval
+        rates.add_row(name, f"{rate.successes}/{rate.trials}", f"{rate.value:.3f} ({low:.3f}-{high:.3f})")
+    paired = found.paired
+    test = (
+        f"{second} against {first}, same scenes: {paired.only_second} won, {paired.only_first} lost, "
+        f"p = {paired.p_value:.3g} (McNemar's exact test)"
+    )
+    differing = [item for item in found.objects if item.first != item.second]
+    objects = _new_table(("object", first, second, "poses"))
+    for item in differing:
+        objects.add_row(item.name, str(item.first), str(item.second), str(item.poses))
+    console.print(rates)
+    console.print(test, highlight=False, soft_wrap=True)
+    if differing:
+        console.print(objects)
+    console.print(f"As many successes with both: {len(found.objects) - len(differing)} of {len(found.objects)} objects")
+
+
 def _of_split(progress: Progress, split: str) -> Progress:
     """A bar of its own for each split."""
     return lambda stage, done, total: progress(f"{stage}, {split}", done, total)
 
 
-def _iou_table(rates: dict[str, IouRate]) -> Table:
+def _new_table(headings: tuple[str, ...], title: str | None = None) -> Table:
+    """The first column holds names, the others numbers."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
+    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == headings[0] else "right", no_wrap=True)
+    return table
+
+
+def _iou_table(rates: dict[str, IouRate]) -> Table:
     from ggcnn_net2net.reproduce.statistics import Rate
 
-    table = Table(title="IoU rate", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("protocol", "success", "rate (95% interval)", "no grasp found"):
-        table.add_column(heading, justify="left" if heading == "protocol" else "right", no_wrap=True)
+    table = _new_table(("protocol", "success", "rate (95% interval)", "no grasp found"), "IoU rate")
     for name, rate in rates.items():
         low, high = Rate(rate.successes, rate.total).interval
         interval = f"{rate.rate:.3f} ({low:.3f}-{high:.3f})"
