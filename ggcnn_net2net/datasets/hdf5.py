@@ -239,11 +239,12 @@ class GraspDataset:
     def _read(self, key: str, rows: Sequence[int]) -> npt.NDArray[Any]:
         dataset = self._group[key]
         dtype = {"rgb": np.uint8, "bounding_boxes": np.float64}.get(key, np.float32)
+        n_rows = len(self)
         values = np.empty((len(rows), *dataset.shape[1:]), dtype)
         # One by one: h5py takes lists of increasing rows only, and is no quicker with them (a chunk is an image).
         for index, row in enumerate(rows):
-            if not 0 <= row < len(self):
-                raise DatasetError(f"expected rows of 0 to {len(self) - 1} in {self._label}, received {row}")
+            if not 0 <= row < n_rows:
+                raise DatasetError(f"expected rows of 0 to {n_rows - 1} in {self._label}, received {row}")
             try:
                 dataset.read_direct(values, np.s_[int(row)], np.s_[index])
             except OSError as error:
