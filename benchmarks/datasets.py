@@ -36,6 +36,7 @@ FILTERS = {
     "gzip 1, shuffle": {"compression": "gzip", "compression_opts": 1, "shuffle": True},
     "gzip 4, shuffle": {"compression": "gzip", "compression_opts": 4, "shuffle": True},
 }
+KINDS = ("compressed", "uncompressed")
 BATCH = 4
 
 
@@ -124,16 +125,18 @@ def main(folder: Path, images: int, workers: int) -> None:
         console.print(filter_table(scenes, temporary))
         settings = Augmentation(per_scene=-(-images // len(scenes)))
         split = make_split(scenes.objects, "image", 0.01, 0)
-        started = time.perf_counter()
-        rows = sum(build_dataset(scenes, split, temporary / "data.h5", settings, workers=workers).rows.values())
-        seconds = time.perf_counter() - started
-        size = (temporary / "data.h5").stat().st_size / 2**20
-        print(f"{rows} images in {seconds:.0f} s with {workers} workers: {seconds / rows * 1000:.1f} ms an image")
-        print(
-            f"{size / rows * 1000:.0f} MiB for 1,000 images; peak memory of the writing process {peak_memory():.0f} MiB"
-        )
-        ((_, (read, peak)),) = run_parallel(read_epoch, [(temporary / "data.h5",)], workers=1)
-        print(f"{read:.1f} ms an image to read batches of {BATCH} in random order; peak memory {peak:.0f} MiB")
+        for kind in KINDS:
+            started = time.perf_counter()
+            data, compressed = temporary / f"{kind}.h5", kind == "compressed"
+            result = build_dataset(scenes, split, data, settings, workers=workers, compressed=compressed)
+            rows, seconds, size = sum(result.rows.values()), time.perf_counter() - started, data.stat().st_size / 2**20
+            print(
+                f"{kind}: {rows} images in {seconds:.0f} s with {workers} workers, {seconds / rows * 1000:.1f} ms an "
+                f"image; {size / rows * 1000:.0f} MiB for 1,000; peak memory of this process {peak_memory():.0f} MiB"
+            )
+        for kind in KINDS:
+            ((_, (read, peak)),) = run_parallel(read_epoch, [(temporary / f"{kind}.h5",)], workers=1)
+            print(f"{kind}: {read:.1f} ms an image to read in batches of {BATCH} at random; peak memory {peak:.0f} MiB")
 
 
 if __name__ == "__main__":

@@ -5,8 +5,9 @@
 
 Every round gives each contender some steps on the same images; medians over the rounds count, and ratios more than
 milliseconds. Stock Keras is `train_on_batch` of the four-headed model, which is quicker than `fit`. PyTorch takes part
-where it is installed (extra "benchmarks"), with its usual tensors and with channels-last ones. The peak is the product
-of two large matrices, measured in the same rounds.
+where it is installed (extra "benchmarks"), with its usual tensors and with channels-last ones. The masked loss of the
+protocol CORRECTED is beside one that takes the heads' errors apart, as one writes it first. The peak is the product of
+two large matrices, measured in the same rounds.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from ggcnn_net2net.training import set_threads
 
 PEAK_SIZE = 2048
 STOCK, FAST = "stock Keras", "ggcnn_net2net"
+MASKED, MASKED_APART = "ggcnn_net2net, masked loss", "masked loss, heads apart"
 Contender = Callable[[], object]
 """Takes one step, or does one product."""
 
@@ -54,21 +56,38 @@ def flops_of(architecture: Architecture, size: int = INPUT_SIZE) -> int:
 def keras_contenders(architecture: Architecture, inputs: np.ndarray, targets: np.ndarray) -> dict[str, Contender]:
     import keras
 
-    from ggcnn_net2net.training.losses import paper_losses
-    from ggcnn_net2net.training.rmsprop import Keras2RMSprop
-    from ggcnn_net2net.training.step import step_and_loss
+    from ggcnn_net2net.training.losses import masked_losses, paper_losses
 
     stock = gn.build_ggcnn(architecture, seed=0)
     stock.compile(keras.optimizers.RMSprop(1e-3), "mse")
     heads = {name: targets[..., number : number + 1] for number, name in enumerate(HEADS)}
-    fast = gn.build_ggcnn(architecture, seed=0)
-    fast.compile(Keras2RMSprop(1e-3), jit_compile=False)
-    fast.optimizer.build(fast.trainable_variables)
-    step, _ = step_and_loss(fast, paper_losses)
-    return {
-        STOCK: lambda: stock.train_on_batch(inputs, heads),
-        FAST: lambda: [value.numpy() for value in step(inputs, targets)],
-    }
+    losses = {FAST: paper_losses, MASKED: masked_losses, MASKED_APART: masked_losses_apart}
+    ours = {name: contender_with(loss, architecture, inputs, targets) for name, loss in losses.items()}
+    return {STOCK: lambda: stock.train_on_batch(inputs, heads), **ours}
+
+
+def contender_with(loss: Any, architecture: Architecture, inputs: np.ndarray, targets: np.ndarray) -> Contender:
+    from ggcnn_net2net.training.rmsprop import Keras2RMSprop
+    from ggcnn_net2net.training.step import step_and_loss
+
+    model = gn.build_ggcnn(architecture, seed=0)
+    model.compile(Keras2RMSprop(1e-3), jit_compile=False)
+    model.optimizer.build(model.trainable_variables)
+    step, _ = step_and_loss(model, loss)
+    return lambda: [value.numpy() for value in step(inputs, targets)]
+
+
+def masked_losses_apart(maps: Any, targets: Any) -> Any:
+    """The masked loss, head by head."""
+    import tensorflow as tf
+
+    from ggcnn_net2net.training.losses import MASKED_WEIGHT
+
+    errors = tf.square(maps - targets)
+    labelled = tf.cast(targets[..., :1] > 0, errors.dtype)
+    quality = tf.reduce_mean(errors[..., 0])
+    others = tf.reduce_sum(errors[..., 1:] * labelled, axis=(0, 1, 2)) / tf.maximum(tf.reduce_sum(labelled), 1.0)
+    return tf.concat([[quality], MASKED_WEIGHT * others], axis=0)
 
 
 def torch_contenders(

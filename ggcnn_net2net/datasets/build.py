@@ -50,6 +50,7 @@ def build_dataset(
     seed: int = 0,
     workers: int = 1,
     on_progress: Callable[[int, int], None] | None = None,
+    compressed: bool = True,
 ) -> Build:
     """Write `settings.per_scene` samples of every scene to a file of the HDF5 layout.
 
@@ -63,6 +64,7 @@ def build_dataset(
         seed: of the augmentation.
         workers: processes that read scenes and draw samples; the content does not depend on it.
         on_progress: called with (parts done, parts in all).
+        compressed: see `DatasetWriter`.
 
     Returns:
         What was written: rows of each split, and what was left out.
@@ -82,7 +84,7 @@ def build_dataset(
     rows = dict.fromkeys(SPLITS, 0)
     starts = range(0, settings.per_scene, _DRAWS)
     jobs = [(file, range(first, min(first + _DRAWS, settings.per_scene))) for file in scenes.files for first in starts]
-    with DatasetWriter(output, attributes) as writer:
+    with DatasetWriter(output, attributes, compressed=compressed) as writer:
         inputs = ((*job, settings, seed) for job in jobs)
         for index, result in _in_order(run_parallel(_draw_samples, inputs, workers)):
             file, draws = jobs[index]

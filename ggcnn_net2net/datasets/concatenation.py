@@ -29,12 +29,13 @@ def splits_of(path: Path) -> list[GraspDataset]:
     return [GraspDataset(path, split) for split in found or SPLITS]  # the latter says what is wrong with the file
 
 
-def concatenate(paths: Iterable[Path], output: Path) -> dict[str, int]:
+def concatenate(paths: Iterable[Path], output: Path, *, compressed: bool = True) -> dict[str, int]:
     """Join files of the layout into a new one, row by row: first all rows of the first file.
 
     Args:
         paths: files of the layout, with images of one size.
         output: file to write.
+        compressed: see `DatasetWriter`.
 
     Returns:
         Rows of each split.
@@ -51,7 +52,7 @@ def concatenate(paths: Iterable[Path], output: Path) -> dict[str, int]:
         ],
     }
     rows = dict.fromkeys(SPLITS, 0)
-    with DatasetWriter(output, attributes) as writer:
+    with DatasetWriter(output, attributes, compressed=compressed) as writer:
         for part in parts:
             for row in range(len(part)):
                 writer.add(part.split, part.sample(row))

@@ -48,15 +48,17 @@ class DatasetWriter:
             writer.add("train", sample)
     """
 
-    def __init__(self, path: Path, attributes: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, attributes: Mapping[str, Any], *, compressed: bool = True) -> None:
         """Prepare to write.
 
         Args:
             path: file to write; an older one stays until the new one is complete.
             attributes: provenance, anything that JSON can hold: source, seed, split, augmentation. Written last.
+            compressed: False makes a file that is several times as large and as quick to read.
         """
         self._path = Path(path)
         self._attributes = {**attributes, "versions": _versions()}
+        self._filters = _COMPRESSION if compressed else {}
         self._digests: dict[str, Any] = {}
         self._split_of: dict[str, str] = {}
         self._shape: tuple[int, ...] = ()
@@ -133,12 +135,13 @@ class DatasetWriter:
         group.create_dataset("img_id", (0,), h5py.string_dtype(), maxshape=(None,), chunks=(1024,))
         boxes = (_PADDING, 4, 2)
         group.create_dataset(
-            "bounding_boxes", (0, *boxes), "f8", chunks=(1, *boxes), maxshape=(None, None, 4, 2), **_COMPRESSION
+            "bounding_boxes", (0, *boxes), "f8", chunks=(1, *boxes), maxshape=(None, None, 4, 2), **self._filters
         )
         for key, dtype, cell in (("rgb", "u1", (*shape, 3)), *((key, "f4", shape) for key in _IMAGES)):
-            shuffle = key == "depth_inpainted"  # halves the size of depth; slows the reading of the maps
+            # Halves the size of depth; slows the reading of the maps.
+            shuffle = bool(self._filters) and key == "depth_inpainted"
             group.create_dataset(
-                key, (0, *cell), dtype, chunks=(1, *cell), maxshape=(None, *cell), shuffle=shuffle, **_COMPRESSION
+                key, (0, *cell), dtype, chunks=(1, *cell), maxshape=(None, *cell), shuffle=shuffle, **self._filters
             )
         self._digests[split] = hashlib.sha256()
         return group

@@ -46,6 +46,11 @@ def test_from_raw_to_joined(folder, tmp_path):
     assert "4 images written" in call("preview", data, "-o", sheet, "--count", 4)
     assert cv2.imread(str(sheet)).std() > 10
     assert "12 train, 8 test images" in call("concat", data, data, "-o", both)
+    assert "6 train, 4 test images" in call("concat", data, "-o", both, "--uncompressed")
+    assert both.stat().st_size > data.stat().st_size
+    assert "6 train, 4 test images" in call("build", folder, *arguments, "-o", both, "--uncompressed")
+    with h5py.File(both) as file:
+        assert file["test/depth_inpainted"].compression is None
     with h5py.File(data, "r+") as file:
         file["train/grasp_width"][0, 0, 0] = 7
     with pytest.raises(DatasetError, match="was changed"):

@@ -31,6 +31,15 @@ def test_rows_in_order_with_their_provenance(tmp_path, samples):
     assert [part["source"] for part in train.attributes["parts"]] == ["first", "first", "second"]
 
 
+def test_written_anew_without_compression(tmp_path, samples):
+    first = write(tmp_path / "first.h5", [("train", samples[0]), ("test", samples[1])])
+    concatenate([first], tmp_path / "large.h5", compressed=False)
+    for part, before in zip(splits_of(tmp_path / "large.h5"), splits_of(first), strict=True):
+        assert part.fingerprint == before.fingerprint
+    with h5py.File(tmp_path / "large.h5") as file:
+        assert file["train/depth_inpainted"].compression is None
+
+
 def test_a_scene_on_both_sides_is_refused(tmp_path, samples):
     first = write(tmp_path / "first.h5", [("train", samples[0])])
     second = write(tmp_path / "second.h5", [("test", samples[0])])

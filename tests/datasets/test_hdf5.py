@@ -1,4 +1,5 @@
 import pickle
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -51,6 +52,22 @@ def test_what_is_written_is_read(tmp_path, samples):
         np.testing.assert_array_equal(back.rgb, sample.rgb)
         np.testing.assert_array_equal(back.maps, sample.maps)
         np.testing.assert_array_equal(dataset.rectangles(row), sample.rectangles)  # 40 of them in the last
+
+
+def test_compression_changes_nothing_but_the_size(tmp_path, samples):
+    smooth = [replace(sample, depth=np.round(sample.depth, 1)) for sample in samples]
+    paths = [tmp_path / "small.h5", tmp_path / "large.h5"]
+    for path, compressed in zip(paths, (True, False), strict=True):
+        with DatasetWriter(path, {}, compressed=compressed) as writer:
+            for sample in smooth:
+                writer.add("train", sample)
+    small, large = (GraspDataset(path, "train") for path in paths)
+    assert large.fingerprint == small.fingerprint == large.content_hash()
+    np.testing.assert_array_equal(large.batch([2, 0])[1], small.batch([2, 0])[1])
+    with h5py.File(paths[1]) as file:
+        assert {file["train"][key].compression for key in file["train"]} == {None}
+        assert not any(file["train"][key].shuffle for key in file["train"])
+    assert paths[1].stat().st_size > 2 * paths[0].stat().st_size
 
 
 def test_batches_in_any_order(tmp_path, samples):
