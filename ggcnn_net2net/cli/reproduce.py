@@ -36,6 +36,7 @@ def reproduce() -> None:
     "these six, but control and the searched ones only if the zoo has them]",
 )
 @click.option(
+    "-o",
     "--output",
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder of the results. A second run with the same folder does only what is missing. "

@@ -80,7 +80,7 @@ def test_own_gripper(folder, tmp_path, data_root, monkeypatch):
 
 def test_failures_of_a_benchmark(folder, tmp_path, data_root):
     out = tmp_path / "out"
-    result = call(reproduce, "table1", "--objects", folder, "--poses", 2, "--models", "original", "--output", out)
+    result = call(reproduce, "table1", "--objects", folder, "--poses", 2, "--models", "original", "-o", out)
     assert "2/4" in result.output
     picture = tmp_path / "failures.png"
     output = call(evaluate, "failures", out, "--objects", folder, "--count", 1, "-o", picture).output
