@@ -27,7 +27,7 @@ FRACTION = click.option(
     help="Part of the scenes, or of the objects, to test on.",
 )
 UNCOMPRESSED = click.option(
-    "--uncompressed", is_flag=True, help="A file 5 to 10 times as large, which is quicker to train a small network on."
+    "--uncompressed", is_flag=True, help="A file several times as large, which is quicker to train a small network on."
 )
 SEED = click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed of all draws.")
 _SHOWN = 20  # problems of a folder that are printed

@@ -54,7 +54,7 @@ class DatasetWriter:
         Args:
             path: file to write; an older one stays until the new one is complete.
             attributes: provenance, anything that JSON can hold: source, seed, split, augmentation. Written last.
-            compressed: False makes a file that is several times as large and as quick to read.
+            compressed: False makes a file that is several times as large, and quicker to read.
         """
         self._path = Path(path)
         self._attributes = {**attributes, "versions": _versions()}
