@@ -84,14 +84,14 @@ def download(url: str, target: Path, sha256: str | None = None) -> Path:
         sha256: its expected SHA-256 in hex; None for files that the caller verifies in another way.
 
     Raises:
-        DataNotFoundError: no network, or the server does not have it.
+        DataNotFoundError: no network, the server does not have it, or it cannot be written to `target`.
         VerificationError: the content is not the expected one; nothing is left behind.
     """
-    target.parent.mkdir(parents=True, exist_ok=True)
     part = target.with_name(target.name + ".part")
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
         _transfer(url, part)
-    except requests.RequestException as error:
+    except OSError as error:  # requests' errors are of this kind, too
         raise DataNotFoundError(f"cannot download {url}: {error}") from error
     try:
         if sha256 is not None:

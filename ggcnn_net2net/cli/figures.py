@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED, Picture
+from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED, Picture, command_line
 
 if TYPE_CHECKING:
     from ggcnn_net2net.reproduce.experiments import Experiment
@@ -262,7 +260,7 @@ def _run(
                 output,
                 pool,
                 work=work,
-                command=shlex.join(["python", "-m", "ggcnn_net2net.reproduce", *sys.argv[1:]]),
+                command=command_line(),
                 views=_views(pool.count),
             )
     except KeyboardInterrupt:

@@ -32,8 +32,7 @@ def grow_command(file: str, ops: str, output: Path, seed: int, noise: float, dra
       ggcnn-net2net grow published --ops "deeper(3), wider(3)" -o grown.hdf5
       ggcnn-net2net grow zoo:narrow --ops "deeper(2), wider(3)" -o grown.hdf5 --draw grown.png
     """
-    from ggcnn_net2net.errors import ModelFileError  # --help must not load what the work needs
-    from ggcnn_net2net.model_files import load_ggcnn, save_ggcnn
+    from ggcnn_net2net.model_files import load_ggcnn, save_ggcnn  # --help must not load what the work needs
     from ggcnn_net2net.model_files.load import source_path
     from ggcnn_net2net.model_files.save import check_writable
     from ggcnn_net2net.net2net import apply_operations
@@ -41,10 +40,7 @@ def grow_command(file: str, ops: str, output: Path, seed: int, noise: float, dra
     from ggcnn_net2net.quiet import import_tensorflow
 
     import_tensorflow()
-    check_writable(output)
-    source = source_path(file)
-    if output.exists() and output.samefile(source):
-        raise ModelFileError(f"expected another output file than the input, received {str(output)!r} for both")
+    check_writable(output, source_path(file))
     model = load_ggcnn(file)
     grown = apply_operations(model, ops, seed=seed, noise=noise)
     save_ggcnn(grown, output)

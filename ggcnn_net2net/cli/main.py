@@ -95,3 +95,9 @@ def run(command: click.Command, name: str) -> None:
         if error.page:
             click.echo(f"More about this: {error.page}", err=True)
         sys.exit(1)
+    except OSError as error:  # a full disk, a folder that may not be written to
+        if error.errno is None:
+            raise
+        where = "" if error.filename is None else f": {error.filename}"
+        click.echo(f"Error: {error.strerror}{where}", err=True)
+        sys.exit(1)

@@ -29,7 +29,7 @@ def open_network(network: str, input_size: int, seed: int) -> tuple[keras.Model,
     from ggcnn_net2net.model_files import load_ggcnn
     from ggcnn_net2net.model_files.load import opened_name
 
-    path = _file_of(network)
+    path = file_of(network)
     if path is None:
         return build_ggcnn(network, input_size=input_size, seed=seed), network
     return load_ggcnn(path), opened_name(network, path)
@@ -47,7 +47,7 @@ def made_by(network: str) -> dict[str, Any] | None:
     from ggcnn_net2net.reference_data import sha256_of
     from ggcnn_net2net.zoo import MEASURED
 
-    path = _file_of(network)
+    path = file_of(network)
     if path is None:
         return None
     try:
@@ -59,10 +59,10 @@ def made_by(network: str) -> dict[str, Any] | None:
     return {name: value for name, value in record.items() if name not in MEASURED}
 
 
-def _file_of(network: str) -> Path | None:
+def file_of(network: str) -> Path | None:
     """The model file that is meant; None for an architecture."""
     from ggcnn_net2net.model_files.load import PUBLISHED, source_path
     from ggcnn_net2net.zoo import PREFIX
 
-    is_file = network == PUBLISHED or network.startswith(PREFIX) or Path(network).suffix or Path(network).exists()
+    is_file = network == PUBLISHED or network.startswith(PREFIX) or Path(network).suffix or Path(network).is_file()
     return source_path(network) if is_file else None

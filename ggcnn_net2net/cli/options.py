@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,6 +61,15 @@ WORKERS = click.option(
     type=click.IntRange(min=1),
     help="Processes. Results do not depend on their number.",
 )
+
+
+def command_line() -> str:
+    """How the user started this process, for the record: a line that a shell runs again."""
+    program = Path(sys.argv[0])
+    if program.name != "__main__.py":
+        return shlex.join(["ggcnn-net2net", *sys.argv[1:]])
+    module = "ggcnn_net2net.reproduce" if program.parent.name == "reproduce" else "ggcnn_net2net"
+    return shlex.join(["python", "-m", module, *sys.argv[1:]])
 
 
 def gripper_of(file: Path | None) -> GripperSpec:

@@ -145,7 +145,7 @@ class _Job:
                     prediction = self._one(path)
                     _add_rows(table, (escape(path.name), prediction.depth_unit), prediction.grasps)
                     self.failures.pop(path, None)
-                except GGCNNError as error:
+                except (GGCNNError, OSError) as error:  # OSError: what it gives cannot be written
                     self.failures[path] = str(error)
                     failed.append(path)
                 progress("images", done, len(paths))

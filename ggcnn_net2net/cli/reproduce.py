@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from pathlib import Path
 
 import click
 
 from ggcnn_net2net.cli.figures import epochs, everything, fig1, fig2, fig3
-from ggcnn_net2net.cli.options import GRIPPER, OBJECTS, PROTOCOL, SEED, WORKERS, gripper_of
+from ggcnn_net2net.cli.options import GRIPPER, OBJECTS, PROTOCOL, SEED, WORKERS, command_line, gripper_of
 
 CRASHED = 3
 """Exit code of a run that ended, but lost grasps to worker processes that died."""
@@ -95,7 +93,7 @@ def table1(
             protocol=protocol,
             gripper=gripper,
             workers=workers,
-            command=shlex.join(["python -m ggcnn_net2net.reproduce", *sys.argv[1:]]).replace("'", ""),
+            command=command_line(),
             on_progress=progress,
         )
     print_table(console, table)

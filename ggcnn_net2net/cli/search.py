@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
-import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -13,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ggcnn_net2net.cli.networks import open_network
-from ggcnn_net2net.cli.options import PROTOCOL
+from ggcnn_net2net.cli.options import PROTOCOL, command_line
 
 if TYPE_CHECKING:
     from ggcnn_net2net.parallel import Workers
@@ -130,12 +128,11 @@ def run(
     size = GraspDataset(dataset, "train").shape[0]
     import_tensorflow()
     network, name = open_network(model, size, settings.seed)
-    command = shlex.join(["ggcnn-net2net", *sys.argv[1:]])
     _watch(
         directory,
         _workers(scheduler, workers or cores),
         lambda pool, on_event: start_search(
-            network, dataset, settings, directory, pool, name=name, command=command, reuse=reuse, on_event=on_event
+            network, dataset, settings, directory, pool, name=name, command=command_line(), reuse=reuse, on_event=on_event
         ),
     )
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ggcnn_net2net.cli.networks import made_by, open_network
-from ggcnn_net2net.cli.options import PROTOCOL
+from ggcnn_net2net.cli.networks import file_of, made_by, open_network
+from ggcnn_net2net.cli.options import PROTOCOL, command_line
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -109,7 +109,7 @@ def train_command(
     if ops is not None and repeat > 1:
         raise click.UsageError("expected --ops or --repeat, received both: the operations are the stages")
     operations = [None] * repeat if ops is None else parse_operations(ops)
-    check_writable(output)
+    check_writable(output, dataset, file_of(network))
     stored = GraspDataset(dataset, "train")
     data = stored if scenes is None else _fresh_augmentations(stored, scenes)
     recipe = Recipe(
@@ -212,8 +212,6 @@ def _write_records(
 ) -> None:
     """Write losses as CSV and PNG, and the provenance as JSON, beside the model; `stages` is empty for a plain run."""
     import json
-    import shlex
-    import sys
 
     from ggcnn_net2net.atomic import write_text
     from ggcnn_net2net.reference_data import sha256_of
@@ -228,7 +226,7 @@ def _write_records(
     else:
         write_curves(result.history, picture, title)
     provenance = {
-        "command": shlex.join(["ggcnn-net2net", *sys.argv[1:]]),
+        "command": command_line(),
         **facts,
         "recipe": recipe.as_dict(),
         **(_growth(output, recipe, stages) if stages else {}),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from ggcnn_net2net.datasets.hdf5 import SPLITS, DatasetWriter, GraspDataset
 
@@ -23,14 +25,16 @@ def splits_of(path: Path) -> list[GraspDataset]:
     import h5py
 
     found: list[str] = []
-    if Path(path).is_file() and h5py.is_hdf5(path):
-        with h5py.File(path, "r") as file:
-            found = [split for split in SPLITS if split in file]
+    with suppress(OSError), h5py.File(path, "r") as file:
+        found = [split for split in SPLITS if split in file]
     return [GraspDataset(path, split) for split in found or SPLITS]  # the latter says what is wrong with the file
 
 
 def concatenate(paths: Iterable[Path], output: Path, *, compressed: bool = True) -> dict[str, int]:
     """Join files of the layout into a new one, row by row: first all rows of the first file.
+
+    Scenes of different sources may have the same name (each folder of simulated scenes begins with pcd0000): where
+    there are several sources, theirs stands before the name.
 
     Args:
         paths: files of the layout, with images of one size.
@@ -41,7 +45,7 @@ def concatenate(paths: Iterable[Path], output: Path, *, compressed: bool = True)
         Rows of each split.
 
     Raises:
-        DatasetError: a file that cannot be read, images of different sizes, a scene that is in both splits.
+        DatasetError: a file that cannot be read, images of different sizes, a scene of one source that is in both splits.
     """
     parts = [dataset for path in paths for dataset in splits_of(path)]
     attributes = {
@@ -51,10 +55,21 @@ def concatenate(paths: Iterable[Path], output: Path, *, compressed: bool = True)
             for part in parts
         ],
     }
+    several = len(set().union(*(_sources(part.attributes, part.path.name) for part in parts))) > 1
     rows = dict.fromkeys(SPLITS, 0)
     with DatasetWriter(output, attributes, compressed=compressed) as writer:
         for part in parts:
+            own = _sources(part.attributes, part.path.name)
+            prefix = f"{own.pop()}/" if several and len(own) == 1 else ""  # joined from several: it has prefixes
             for row in range(len(part)):
-                writer.add(part.split, part.sample(row))
+                sample = part.sample(row)
+                writer.add(part.split, sample, prefix + sample.name)
             rows[part.split] += len(part)
     return rows
+
+
+def _sources(attributes: Mapping[str, Any], file: str) -> set[str]:
+    """Where the scenes of a file come from, by its provenance; the file's name where it has none."""
+    if "parts" in attributes:
+        return set().union(*(_sources(part, part["file"]) for part in attributes["parts"]))
+    return {attributes.get("source", file)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -32,7 +33,7 @@ def read_depth_file(path: Path) -> npt.NDArray[Any]:
         image = _read_array(path) if suffix in (".npy", ".npz") else read_image(path)
     except DatasetError as error:
         raise DepthImageError(str(error)) from error
-    except (OSError, ValueError, EOFError, BadZipFile) as error:
+    except (OSError, ValueError, EOFError, BadZipFile, zlib.error) as error:
         # NumPy's own message would advise to trust the file, which is not for us to say.
         raise DepthImageError(f"expected a whole {suffix} file of numbers, cannot read {path}") from error
     if image.ndim != 2 or image.dtype.kind not in "iuf" or image.dtype.itemsize == 1:

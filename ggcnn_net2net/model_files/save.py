@@ -45,9 +45,20 @@ def save_ggcnn(model: keras.Model, path: str | Path) -> Path:
     return path
 
 
-def check_writable(path: Path) -> None:
-    """Raise a ModelFileError if `save_ggcnn` does not know the suffix of `path`."""
+def check_writable(path: Path, *inputs: Path | None) -> None:
+    """See before the work that its result can be written.
+
+    Args:
+        path: what is to be written.
+        inputs: files that are read; None is passed over.
+
+    Raises:
+        ModelFileError: `save_ggcnn` does not know the suffix of `path`, or `path` is one of the `inputs`, which would
+            be lost.
+    """
     if path.suffix not in _WRITERS:
         raise ModelFileError(
             f"expected an output file with one of the suffixes {', '.join(_WRITERS)}, received {str(path)!r}"
         )
+    if path.exists() and any(read is not None and read.exists() and path.samefile(read) for read in inputs):
+        raise ModelFileError(f"expected another output file than the input, received {str(path)!r} for both")

@@ -7,16 +7,16 @@ from ggcnn_net2net.datasets.hdf5 import DatasetWriter, GraspDataset
 from ggcnn_net2net.errors import DatasetError
 
 
-def write(path, items):
-    with DatasetWriter(path, {"source": path.stem}) as writer:
+def write(path, items, **attributes):
+    with DatasetWriter(path, attributes) as writer:
         for split, sample in items:
             writer.add(split, sample)
     return path
 
 
 def test_rows_in_order_with_their_provenance(tmp_path, samples):
-    first = write(tmp_path / "first.h5", [("train", samples[0]), ("test", samples[1])])
-    second = write(tmp_path / "second.h5", [("train", samples[2])])
+    first = write(tmp_path / "first.h5", [("train", samples[0]), ("test", samples[1])], source="scenes", seed=1)
+    second = write(tmp_path / "second.h5", [("train", samples[2])], source="scenes", seed=2)
     with h5py.File(second, "r+") as file:
         del file["train/rgb"]  # files of others may lack it
     rows = concatenate([first, second], tmp_path / "both.h5")
@@ -28,7 +28,7 @@ def test_rows_in_order_with_their_provenance(tmp_path, samples):
     np.testing.assert_array_equal(train.rectangles(1), samples[2].rectangles)
     assert (train.sample(1).rgb == 0).all()
     assert test.fingerprint == GraspDataset(first, "test").fingerprint
-    assert [part["source"] for part in train.attributes["parts"]] == ["first", "first", "second"]
+    assert [part["seed"] for part in train.attributes["parts"]] == [1, 1, 2]
 
 
 def test_written_anew_without_compression(tmp_path, samples):
@@ -41,17 +41,36 @@ def test_written_anew_without_compression(tmp_path, samples):
 
 
 def test_a_scene_on_both_sides_is_refused(tmp_path, samples):
-    first = write(tmp_path / "first.h5", [("train", samples[0])])
-    second = write(tmp_path / "second.h5", [("test", samples[0])])
-    with pytest.raises(DatasetError, match="images of a in one split"):
-        concatenate([first, second], tmp_path / "both.h5")
+    first = write(tmp_path / "first.h5", [("train", samples[0])], source="scenes")
+    second = write(tmp_path / "second.h5", [("test", samples[0])], source="scenes")
+    again = tmp_path / "again.h5"
+    concatenate([second], again)
+    for other in (second, again):
+        with pytest.raises(DatasetError, match="images of a in one split"):
+            concatenate([first, other], tmp_path / "both.h5")
     assert not (tmp_path / "both.h5").exists()
 
 
-def test_files_that_are_none(tmp_path):
+def test_scenes_of_several_sources_may_have_the_same_name(tmp_path, samples):
+    real = write(tmp_path / "real.h5", [("train", samples[0])], source="cornell real")
+    made = write(tmp_path / "made.h5", [("test", samples[0])], source="cornell made")
+    bare = write(tmp_path / "bare.h5", [("train", samples[0])])  # as files of others: its name is all that is known
+    concatenate([real, made], tmp_path / "two.h5")
+    concatenate([tmp_path / "two.h5", bare], tmp_path / "three.h5")
+    train, test = splits_of(tmp_path / "three.h5")
+    assert train.image_ids == ["cornell real/a", "bare.h5/a"]
+    assert test.image_ids == ["cornell made/a"]
+    assert test.fingerprint == GraspDataset(made, "test").fingerprint
+
+
+def test_files_that_are_none(tmp_path, samples):
     (tmp_path / "text.h5").write_text("no")
     with pytest.raises(DatasetError, match="HDF5"):
         splits_of(tmp_path / "text.h5")
+    whole = write(tmp_path / "whole.h5", [("train", sample) for sample in samples]).read_bytes()
+    (tmp_path / "cut.h5").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(DatasetError, match="HDF5"):
+        splits_of(tmp_path / "cut.h5")
     h5py.File(tmp_path / "empty.h5", "w").close()
     with pytest.raises(DatasetError, match="'train'"):
         splits_of(tmp_path / "empty.h5")
