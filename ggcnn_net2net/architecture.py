@@ -229,4 +229,21 @@ def architecture_of(model: keras.Model) -> Architecture:
     missing = [name for name in HEADS if name not in {layer.name for layer in model.layers}]
     if missing:
         raise ArchitectureError(f"expected the four heads {', '.join(HEADS)}, missing: {', '.join(missing)}")
+    in_a_row = [layer.name for layer in model.layers if layer.name not in HEADS]
+    for output in model.outputs:
+        if _layers_before(output) != in_a_row:
+            raise ArchitectureError(
+                f"expected all layers in a row before each head, received a network with branches, {model.name!r}: the "
+                "notation cannot express it"
+            )
     return Architecture(tuple(layers))
+
+
+def _layers_before(output: keras.KerasTensor) -> list[str]:
+    """Names of the layers from the input to the one that a head reads, back to where several tensors meet."""
+    names: list[str] = []
+    history = output._keras_history
+    while len(inputs := history.operation._inbound_nodes[history.node_index].input_tensors) == 1:
+        history = inputs[0]._keras_history
+        names.insert(0, history.operation.name)
+    return names

@@ -102,3 +102,20 @@ def test_dilation_has_no_notation():
     config["layers"][1]["config"]["dilation_rate"] = (2, 2)
     with pytest.raises(ArchitectureError, match="dilation"):
         architecture_of(keras.Model.from_config(config))
+
+
+def test_branches_have_no_notation():
+    import keras
+
+    inputs = keras.Input((12, 12, 1))
+    trunk = keras.layers.Conv2D(4, 3, padding="same")(inputs)
+    own = [keras.layers.Conv2D(2, 3, padding="same", name=f"before_{head}")(trunk) for head in HEADS]
+    heads = [keras.layers.Conv2D(1, 1, name=head)(tensor) for head, tensor in zip(HEADS, own, strict=True)]
+    with pytest.raises(ArchitectureError, match="in a row"):
+        architecture_of(keras.Model(inputs, heads))
+    skip = keras.layers.Conv2D(4, 3, padding="same")(trunk)
+    mixed = [
+        keras.layers.Conv2D(1, 1, name=head)(tensor) for head, tensor in zip(HEADS, [skip] * 3 + [trunk], strict=True)
+    ]
+    with pytest.raises(ArchitectureError, match="in a row"):
+        architecture_of(keras.Model(inputs, mixed))

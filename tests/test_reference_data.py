@@ -180,6 +180,11 @@ class TestDownload:
             reference_data.download(server.url.replace("weights.bin", "missing"), target, SHA256)
         assert files_below(target.parent) == []
 
+    def test_a_place_that_cannot_be_written_to(self, server, tmp_path):
+        (tmp_path / "file").write_text("")
+        with pytest.raises(DataNotFoundError, match="cannot download"):
+            reference_data.download(server.url, tmp_path / "file" / "weights.bin", SHA256)
+
     def test_unreachable_server_fails_quickly(self, target):
         started = time.monotonic()
         with pytest.raises(DataNotFoundError, match="cannot download"):

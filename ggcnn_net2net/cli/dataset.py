@@ -19,6 +19,9 @@ OUTPUT = click.option("-o", "--output", required=True, type=FILE, help="File to 
 FORM = click.option(
     "--form", type=click.Choice(["cornell", "jacquard"]), help="What FOLDER holds. [default: by its file names]"
 )
+DEPTH = click.option(
+    "--depth", default="perfect", show_default=True, type=click.Choice(["perfect", "stereo"]), help="Of Jacquard."
+)
 FRACTION = click.option(
     "--test-fraction",
     default=0.2,
@@ -45,9 +48,7 @@ def dataset() -> None:
 @click.argument("folder", type=FOLDER)
 @OUTPUT
 @FORM
-@click.option(
-    "--depth", default="perfect", show_default=True, type=click.Choice(["perfect", "stereo"]), help="Of Jacquard."
-)
+@DEPTH
 @click.option(
     "--split",
     "split_spec",
@@ -201,8 +202,9 @@ def concat(files: Sequence[Path], output: Path, uncompressed: bool) -> None:
 @FRACTION
 @SEED
 @FORM
+@DEPTH
 @OUTPUT
-def split(folder: Path, by: str, test_fraction: float, seed: int, form: str | None, output: Path) -> None:
+def split(folder: Path, by: str, test_fraction: float, seed: int, form: str | None, depth: str, output: Path) -> None:
     """Draw which scenes of FOLDER to train and to test on, as a file to share.
 
     \b
@@ -211,7 +213,7 @@ def split(folder: Path, by: str, test_fraction: float, seed: int, form: str | No
     from ggcnn_net2net.datasets.raw import open_scenes
     from ggcnn_net2net.datasets.splits import make_split, write_split
 
-    scenes = open_scenes(folder, form)
+    scenes = open_scenes(folder, form, depth)
     drawn = make_split(scenes.objects, by, test_fraction, seed)
     write_split(output, drawn)
     _print_problems(scenes.report)
@@ -222,7 +224,8 @@ def split(folder: Path, by: str, test_fraction: float, seed: int, form: str | No
 @click.argument("path", metavar="FILE|FOLDER", type=FOLDER)
 @click.option("-o", "--output", required=True, type=Picture(), help="Picture to write.")
 @click.option("--count", default=20, show_default=True, type=click.IntRange(min=1), help="Images to show.")
-def preview(path: Path, output: Path, count: int) -> None:
+@DEPTH
+def preview(path: Path, output: Path, count: int, depth: str) -> None:
     """Draw images, rectangles and label maps of a dataset or a folder of raw scenes.
 
     \b
@@ -230,7 +233,7 @@ def preview(path: Path, output: Path, count: int) -> None:
     """
     from ggcnn_net2net.datasets.preview import preview_samples, write_sheet
 
-    samples = preview_samples(path, count)
+    samples = preview_samples(path, count, depth)
     write_sheet(output, samples)
     click.echo(f"{len(samples)} images written to {output}")
 

@@ -104,14 +104,16 @@ def grasp(
     if picture is not None:
         save_strips(picture, [strip])
         click.echo(f"Written to {picture}")
-    if recording is not None:
+    if recording is not None and recording.frames:
         recording.save()
         click.echo(f"Written to {film}")
+    elif recording is not None:
+        click.echo(f"Nothing moved, so there is no {film}", err=True)
 
 
 @evaluate.command()
 @click.argument("results", type=click.Path(path_type=Path, exists=True, file_okay=False))
-@click.option("--objects", "objects_spec", metavar="SET", help="The object set, if it was a folder.")
+@click.option("--objects", "objects_spec", metavar="SET", help="The object set, if it was a folder of yours.")
 @click.option("--network", default="original", show_default=True, help="Row of the table.")
 @click.option("--count", default=10, show_default=True, type=click.IntRange(min=1), help="Most failures to draw.")
 @click.option("-o", "--output", required=True, type=Picture(), help="Picture to write.")
@@ -122,8 +124,7 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
     Example: ggcnn-net2net evaluate failures results/table1-procedural40-5poses-seed0-paper -o failures.png
     """
     from ggcnn_net2net.errors import ResultsError
-    from ggcnn_net2net.reproduce.records import RecordFile
-    from ggcnn_net2net.reproduce.results import read_settings
+    from ggcnn_net2net.reproduce.results import current_records, read_settings
     from ggcnn_net2net.simulation.object_sets import load_object_set
     from ggcnn_net2net.simulation.pictures import save_strips, trial_strip
     from ggcnn_net2net.simulation.scenes import load_scenes
@@ -134,7 +135,7 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
     scenes = {scene.key: scene for scene in load_scenes(results / "scenes.h5", objects, settings)}
     failed = [
         record
-        for record in RecordFile(results / "grasps.csv").read()
+        for record in current_records(results)
         if record.model == network and not record.success and f"{record.object}/{record.pose}" in scenes
     ]
     if not failed:
@@ -165,14 +166,10 @@ def compare(results: Path, first: str, second: str) -> None:
     """
     from rich.console import Console
 
-    from ggcnn_net2net.errors import ResultsError
     from ggcnn_net2net.reproduce import comparison
-    from ggcnn_net2net.reproduce.records import RecordFile
+    from ggcnn_net2net.reproduce.results import current_records
 
-    file = results / "grasps.csv"
-    if not file.is_file():
-        raise ResultsError(f"expected a folder of `reproduce table1`, received {results}, which holds no grasps.csv")
-    _print_comparison(Console(), comparison.compare(RecordFile(file).read(), first, second), first, second)
+    _print_comparison(Console(), comparison.compare(current_records(results), first, second), first, second)
 
 
 @evaluate.command()

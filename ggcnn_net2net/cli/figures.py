@@ -182,6 +182,8 @@ def epochs(network: str | None, **options: Any) -> None:
 def everything(context: click.Context, network: str | None, networks: str | None, **options: Any) -> int:
     """Table I and all figures into results/: from shipped results in minutes, or with --run the whole paper.
 
+    --objects, --poses, --seed, --protocol and --workers hold for Table I, too, which is always run.
+
     \b
     Examples:
       python -m ggcnn_net2net.reproduce all
@@ -190,7 +192,14 @@ def everything(context: click.Context, network: str | None, networks: str | None
     from ggcnn_net2net.cli.reproduce import table1  # which imports this module
 
     _need_data(options)
-    status: int = context.invoke(table1)
+    status: int = context.invoke(
+        table1,
+        objects_spec=options["objects_spec"],
+        poses=options["poses"],
+        seed=options["seed"],
+        protocol_name=options["protocol_name"] or "paper",
+        workers=options["workers"] or os.cpu_count() or 1,
+    )
     context.invoke(fig1)
     work = RESULTS / "runs"  # shared: a search that stands in two experiments is run once
     for name in ("fig2", "fig3", "epochs"):

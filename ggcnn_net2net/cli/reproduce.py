@@ -80,7 +80,7 @@ def table1(
     networks = load_networks(default_rows() if models is None else (name.strip() for name in models.split(",")))
     objects = load_object_set(objects_spec, protocol)
     if output is None:
-        name = f"table1-{objects.name}-{poses}poses-seed{seed}-{protocol.name.lower()}"
+        name = f"table1-{objects.name.replace(':', '-')}-{poses}poses-seed{seed}-{protocol.name.lower()}"
         output = Path("results") / (f"{name}-{gripper_file.stem}" if gripper_file else name)
     console = Console()
     with stages(console) as progress:

@@ -132,7 +132,15 @@ def run(
         directory,
         _workers(scheduler, workers or cores),
         lambda pool, on_event: start_search(
-            network, dataset, settings, directory, pool, name=name, command=command_line(), reuse=reuse, on_event=on_event
+            network,
+            dataset,
+            settings,
+            directory,
+            pool,
+            name=name,
+            command=command_line(),
+            reuse=reuse,
+            on_event=on_event,
         ),
     )
 

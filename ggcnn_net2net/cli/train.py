@@ -162,7 +162,7 @@ def _fresh_augmentations(stored: GraspDataset, folder: Path) -> FreshAugmentatio
     from ggcnn_net2net.errors import DatasetError
 
     names = set(stored.image_ids)
-    found = open_scenes(folder).only(names)
+    found = open_scenes(folder, depth=stored.attributes.get("depth", "perfect")).only(names)
     settings = stored.attributes.get("augmentation")
     if len(found) != len(names) or not settings:
         raise DatasetError(
@@ -255,8 +255,10 @@ def _growth(output: Path, recipe: Recipe, stages: Sequence[Stage]) -> dict[str, 
 def _table(result: TrainingResult) -> Table:
     from rich.table import Table
 
-    columns = [name for name in result.history[0] if name in ("loss", "val_loss", "learning_rate", "seconds")]
+    from ggcnn_net2net.training.report import columns_of
+
+    columns = [name for name in columns_of(result.history) if name in ("loss", "val_loss", "learning_rate", "seconds")]
     table = Table("epoch", *columns)
     for entry in result.history[-_SHOWN:]:
-        table.add_row(str(entry["epoch"] + 1), *(f"{entry[name]:.4g}" for name in columns))
+        table.add_row(str(entry["epoch"] + 1), *(f"{entry[name]:.4g}" if name in entry else "" for name in columns))
     return table

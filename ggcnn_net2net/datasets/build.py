@@ -76,6 +76,7 @@ def build_dataset(
     problems = list(scenes.report)
     attributes = {
         "source": f"{scenes.form} {scenes.path.name}",
+        **({} if scenes.depth is None else {"depth": scenes.depth}),
         "seed": seed,
         "split": split.describe(),
         "augmentation": settings.as_dict(),

@@ -45,7 +45,8 @@ def concatenate(paths: Iterable[Path], output: Path, *, compressed: bool = True)
         Rows of each split.
 
     Raises:
-        DatasetError: a file that cannot be read, images of different sizes, a scene of one source that is in both splits.
+        DatasetError: a file that cannot be read, images of different sizes, or a scene of one source that is in both
+            splits.
     """
     parts = [dataset for path in paths for dataset in splits_of(path)]
     attributes = {

@@ -100,7 +100,7 @@ def open_jacquard(path: Path, depth: str = "perfect") -> SceneFolder:
             f"expected scenes K_OBJECT_grasps.txt, _RGB.png and _{depth}_depth.tiff below {path}, found none"
             + "".join(f"; {problem.file}: {problem.problem}" for problem in problems[:3])
         )
-    return SceneFolder(path, "jacquard", tuple(files), tuple(problems))
+    return SceneFolder(path, "jacquard", tuple(files), tuple(problems), depth)
 
 
 def read_grasps(path: Path, scale: float = 1.0) -> npt.NDArray[np.float64]:

@@ -20,7 +20,7 @@ _INCHES = 1.5  # side of an image
 _CAPTION = 50  # characters
 
 
-def preview_samples(path: Path, count: int) -> list[tuple[str, Sample]]:
+def preview_samples(path: Path, count: int, depth: str = "perfect") -> list[tuple[str, Sample]]:
     """Up to `count` samples with captions, spread evenly over a dataset file or a folder of raw scenes.
 
     Raw scenes are shown as the crop around their grasps, neither rotated nor zoomed.
@@ -28,6 +28,7 @@ def preview_samples(path: Path, count: int) -> list[tuple[str, Sample]]:
     Args:
         path: the file or the folder.
         count: most samples.
+        depth: of a Jacquard folder, "perfect" or "stereo".
 
     Returns:
         Captions and samples.
@@ -36,7 +37,7 @@ def preview_samples(path: Path, count: int) -> list[tuple[str, Sample]]:
         DatasetError: neither a dataset file nor a folder of raw scenes, or one that is damaged.
     """
     if Path(path).is_dir():
-        scenes = open_scenes(path)
+        scenes = open_scenes(path, depth=depth)
         chosen = (scenes[index] for index in _spread(len(scenes), count))
         return [
             (f"{scene.name}, {scene.object_name}"[:_CAPTION], augment(scene, np.random.default_rng(0), PLAIN))

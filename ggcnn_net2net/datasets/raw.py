@@ -47,6 +47,8 @@ class SceneFolder(Sequence[LabelledScene]):
     files: tuple[SceneFile, ...]
     report: tuple[Problem, ...]
     """What was left out, and why."""
+    depth: str | None = None
+    """Of Jacquard, "perfect" or "stereo"."""
 
     def __len__(self) -> int:
         return len(self.files)

@@ -27,7 +27,7 @@ from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.antipodal import LOOSE_RULE, AntipodalRule
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.scenes import Scene, drop_object
-from ggcnn_net2net.simulation.training_objects import SIDES, WIDEST, training_object
+from ggcnn_net2net.simulation.training_objects import SIDES, WIDEST, shape_of, training_object
 from ggcnn_net2net.simulation.world import World, process_world
 
 FORMAT = "ggcnn_net2net simulated scenes 1"
@@ -37,6 +37,7 @@ MAX_SCENES = 10_000
 """Cornell's names have four digits."""
 _IMAGE = (480, 640)
 _ATTEMPTS = 50
+_PREFIX = "pcd"
 _EDGE = 0.01  # metres from pixel to pixel
 
 
@@ -177,7 +178,7 @@ def simulate_folder(
     """Write scenes in the form of the Cornell dataset; those that are there are kept: a stopped call goes on.
 
     Layout: NN/pcdNNNNr.png, d.tiff (float32 metres), cpos.txt (corners "x y", four lines a rectangle) and scene.json
-    (object, pose, camera), a hundred scenes a sub-folder; z.txt (scene, object number, object); simulation.json.
+    (object, pose, camera), a hundred scenes a sub-folder; z.txt (scene, number and name of the shape); simulation.json.
 
     Args:
         folder: where to write; need not exist.
@@ -201,13 +202,13 @@ def simulate_folder(
     with alone(folder / "scenes.lock", refusal):
         _claim(folder, settings)
         _write_missing(folder, scenes, settings, workers, on_progress)
-        records = [json.loads(_file(folder, index, "scene.json").read_text()) for index in range(scenes)]
-        numbers = {name: number for number, name in enumerate(sorted({record["object"] for record in records}))}
-        lines = [
-            f"{index:04d} {numbers[record['object']]} {record['object']}\n" for index, record in enumerate(records)
-        ]
+        written = [file for index in range(MAX_SCENES) if (file := _file(folder, index, "scene.json")).is_file()]
+        records = [json.loads(file.read_text()) for file in written]  # of this and of earlier calls
+        shapes = {record["name"]: record.get("shape", record["object"]) for record in records}
+        numbers = {shape: number for number, shape in enumerate(sorted(set(shapes.values())))}
+        lines = (f"{name.removeprefix(_PREFIX)} {numbers[shape]} {shape}\n" for name, shape in shapes.items())
         write_text(folder / "z.txt", "".join(lines))
-    return {record["name"]: record["labels"] for record in records}
+    return {record["name"]: record["labels"] for record in records[:scenes]}
 
 
 def _write_missing(
@@ -250,7 +251,7 @@ def _claim(folder: Path, settings: Simulation) -> None:
 
 
 def _name(index: int) -> str:
-    return f"pcd{index:04d}"
+    return f"{_PREFIX}{index:04d}"
 
 
 def _file(folder: Path, index: int, suffix: str) -> Path:
@@ -270,6 +271,7 @@ def _write_scene(folder: Path, index: int, settings: Simulation) -> None:
     record = {
         "name": _name(index),
         "object": scene.model.name,
+        "shape": shape_of(scene.model),
         "longest_side": scene.model.longest_side,
         "position": scene.position,
         "orientation": scene.orientation,

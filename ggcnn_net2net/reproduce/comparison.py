@@ -37,7 +37,7 @@ def compare(records: Iterable[GraspRecord], first: str, second: str) -> Comparis
     """Compare two networks on the same scenes.
 
     Args:
-        records: rows of a grasps.csv; grasps that were lost to dead worker processes do not count.
+        records: of `current_records`; grasps that were lost to dead worker processes do not count.
         first: name of a network, as in the column `model`.
         second: the other one's.
 

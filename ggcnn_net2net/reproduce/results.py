@@ -17,7 +17,7 @@ from ggcnn_net2net.errors import ResultsError, SimulationError
 from ggcnn_net2net.model_files import PUBLISHED_SHA256
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.reproduce.networks import CONTROL, Network, short_hash
-from ggcnn_net2net.reproduce.records import GraspRecord
+from ggcnn_net2net.reproduce.records import GraspRecord, RecordFile
 from ggcnn_net2net.reproduce.statistics import PairedComparison, Rate
 from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.scenes import SceneSettings
@@ -156,6 +156,36 @@ def read_settings(path: Path) -> tuple[dict[str, Any], SceneSettings, Protocol, 
         raise ResultsError(
             f"expected {path} to hold the settings of a results folder, cannot read it: {error!r}; name another folder"
         ) from error
+
+
+def current_records(folder: Path) -> list[GraspRecord]:
+    """The grasps of a results folder, of one set of weights for each name.
+
+    A network that was trained further between two runs has records of both weights. Those of the last run's table
+    count; of a name that it does not show, the weights that came last.
+
+    Args:
+        folder: of `run_table1`.
+
+    Returns:
+        The records in the order of grasps.csv.
+
+    Raises:
+        ResultsError: no such folder, or a damaged one.
+    """
+    file, results = folder / "grasps.csv", folder / "results.json"
+    if not file.is_file():
+        raise ResultsError(f"expected a folder of `reproduce table1`, received {folder}, which holds no grasps.csv")
+    try:
+        rows = json.loads(results.read_text(encoding="utf-8"))["networks"]
+        shown = {row["name"]: short_hash(row["sha256"]) for row in rows if row["sha256"]}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ResultsError(
+            f"expected {results} to list networks, cannot read it: {error!r}; name another folder"
+        ) from error
+    records = RecordFile(file).read()
+    weights = {record.model: record.weights for record in records} | shown
+    return [record for record in records if record.weights == weights[record.model]]
 
 
 def check_settings(path: Path, settings: dict[str, Any]) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ggcnn_net2net.atomic import write_text
-from ggcnn_net2net.errors import ResultsError
+from ggcnn_net2net.errors import ResultsError, SearchError
 from ggcnn_net2net.parallel import Crash
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, CurvePoint, read_points, write_points
@@ -99,12 +99,19 @@ def run_experiment(
         ResultsError: `work` holds a search with other settings, or grasps or rates were lost to workers that died.
         SearchError, DatasetError, ModelFileError: as `search.start_search` and `load_ggcnn`.
     """
+    from ggcnn_net2net.reproduce.results import check_settings, settings_of
     from ggcnn_net2net.reproduce.table1 import run_table1
+    from ggcnn_net2net.simulation import PAPER_GRIPPER
     from ggcnn_net2net.simulation.object_sets import load_object_set
+    from ggcnn_net2net.simulation.scenes import SceneSettings
 
     work, views = work or output, views or Views()
     for protocol in experiment.protocols:
         objects = load_object_set(conditions.objects, protocol)
+        simulation = work / f"simulation-{protocol.name.lower()}"
+        scenes = SceneSettings.of(objects, conditions.poses, conditions.seed)
+        # What would be refused after hours of searching.
+        check_settings(simulation / "results.json", settings_of(scenes, protocol, PAPER_GRIPPER))
         networks: list[Network] = []
         for curve in experiment.curves:
             title = f"{experiment.name}: {curve.name}, protocol {protocol.name}"
@@ -127,7 +134,7 @@ def run_experiment(
                 table = run_table1(
                     networks,
                     objects,
-                    work / f"simulation-{protocol.name.lower()}",
+                    simulation,
                     poses=conditions.poses,
                     seed=conditions.seed,
                     protocol=protocol,
@@ -161,7 +168,10 @@ def _search(
     from ggcnn_net2net.search.report import write_report
 
     model = _start_of(curve)
-    threads = max(1, (os.cpu_count() or 1) // workers.count)
+    others = _searches_beside(directory)
+    # A process cannot change its number of threads, and may train candidates of several curves.
+    usual = max(1, (os.cpu_count() or 1) // workers.count)
+    threads = next((other.settings.threads for other in others.values()), usual)
     settings = curve.settings(
         conditions.budget, protocol, conditions.seed, threads, conditions.max_parameters, conditions.learning_rate
     )
@@ -173,11 +183,24 @@ def _search(
             *(model, conditions.data, settings, directory, workers),
             name=curve.start,
             command=command,
-            reuse=sorted(path.parent for path in directory.parent.glob(f"*/{JOURNAL_FILE}")),
+            reuse=list(others),
             on_event=on_event,
         )
     write_report(history, directory / "report")
     return history
+
+
+def _searches_beside(directory: Path) -> dict[Path, SearchHistory]:
+    """Other searches in the folder that holds `directory`, by their folders; what cannot be read is passed over."""
+    from ggcnn_net2net.search import load_history
+    from ggcnn_net2net.search.journal import JOURNAL_FILE
+
+    found = {}
+    for journal in sorted(directory.parent.glob(f"*/{JOURNAL_FILE}")):
+        if journal.parent != directory:
+            with suppress(SearchError):  # one that could not begin, or of another version
+                found[journal.parent] = load_history(journal.parent)
+    return found
 
 
 def _start_of(curve: Curve) -> keras.Model:

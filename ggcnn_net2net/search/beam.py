@@ -1,4 +1,4 @@
-"""Beam search with and without lookahead (section II-C of the paper), over any tree. No Keras.
+"""Beam search with and without lookahead (sections II and III-A of the paper), over any tree. No Keras.
 
 A lookahead of n levels is a plain beam search of that depth: of all children of the nodes kept on a level, the `width`
 best are kept on the next one. Its best leaf then says which child of the root to commit to, and the next lookahead

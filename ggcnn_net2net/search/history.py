@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from ggcnn_net2net.errors import SearchError
-from ggcnn_net2net.search.journal import FORMAT, Event
+from ggcnn_net2net.search.journal import FORMAT, RESUMED, Event, in_force
 from ggcnn_net2net.search.settings import HEURISTICS, LOSS, SearchSettings
 
 State = Literal["root", "trained", "pruned", "failed"]
@@ -45,7 +45,9 @@ class CandidateRecord:
     loss: float
     """Mean training loss of the last epoch, over its replicates; NaN where there is none."""
     seconds: float
-    """Work on it, all replicates and epochs together."""
+    """Work on it, all replicates and epochs together; of another search if it was taken from there."""
+    taken_from: str
+    """Folder of the other search that has trained it; empty if this one has."""
     error: str
     """Why it failed, in one line; empty if it did not."""
     traceback: str
@@ -101,6 +103,8 @@ class SearchHistory:
     settings: SearchSettings
     data: Mapping[str, str]
     versions: Mapping[str, str]
+    later_versions: tuple[Mapping[str, str], ...]
+    """Other versions of the packages with which the search was resumed; none as a rule."""
     candidates: Mapping[str, CandidateRecord]
     """By key, in the order in which they first appeared."""
     lookaheads: tuple[Lookahead, ...]
@@ -120,8 +124,13 @@ class SearchHistory:
 
     @property
     def trained(self) -> int:
-        """Candidates that were trained and have a score, the pruned ones included. The root is none."""
-        return sum(candidate.state in ("trained", "pruned") for candidate in self.candidates.values())
+        """Candidates that were trained here and have a score, the pruned ones included. The root is none."""
+        return sum(item.state in ("trained", "pruned") and not item.taken_from for item in self.candidates.values())
+
+    @property
+    def taken(self) -> int:
+        """Candidates that another search has trained. The root is none."""
+        return sum(item.state != "root" and bool(item.taken_from) for item in self.candidates.values())
 
     @property
     def failed(self) -> list[CandidateRecord]:
@@ -142,12 +151,12 @@ class SearchHistory:
     @property
     def avoided(self) -> float:
         """Share of trainings that reuse made unnecessary, 0 to 1."""
-        return self.reused / (self.trained + self.reused) if self.reused else 0.0
+        return self.reused / (self.trained + self.taken + self.reused) if self.reused else 0.0
 
     @property
     def seconds(self) -> float:
-        """Work on all candidates, summed over the workers."""
-        return sum(candidate.seconds for candidate in self.candidates.values())
+        """Work on all candidates that were not taken from other searches, summed over the workers."""
+        return sum(candidate.seconds for candidate in self.candidates.values() if not candidate.taken_from)
 
     @property
     def kept(self) -> dict[str, list[int]]:
@@ -208,7 +217,7 @@ def read_history(events: Iterable[Event]) -> SearchHistory:
             f"{str(events[0])[:100] if events else 'no event'}: name the folder of a search"
         )
     try:
-        return _history(events)
+        return _history(in_force(events))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise SearchError(
             f"expected the journal of a search, received one with a missing or wrong value, {error!r}: it was changed "
@@ -241,6 +250,11 @@ def _history(events: Sequence[Event]) -> SearchHistory:
         settings=settings,
         data=begun["data"],
         versions=begun["versions"],
+        later_versions=tuple(
+            event["versions"]
+            for event in events
+            if event["event"] == RESUMED and event["versions"] != begun["versions"]
+        ),
         candidates=candidates,
         lookaheads=tuple(valid),
         path=tuple(path),
@@ -304,6 +318,7 @@ def _candidate(
         epochs=epochs,
         loss=_mean([_number(run.get("loss")) for run in latest.values()]),
         seconds=sum(run["seconds"] for run in runs),
+        taken_from=_last(runs, "taken_from", ""),
         error=_last(failures, "error", unscored),
         traceback=_last(failures, "traceback", ""),
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -19,6 +20,9 @@ from ggcnn_net2net.errors import SearchError
 FORMAT = "ggcnn_net2net search 1"
 JOURNAL_FILE = "journal.jsonl"
 """Name of the journal in the folder of a search."""
+
+RESUMED = "resumed"
+_DECISIONS = ("lookahead", "committed", "finished")
 
 Event = dict[str, Any]
 """JSON values; the key "event" names its kind."""
@@ -50,6 +54,19 @@ def read_events(path: Path) -> list[Event]:
             ) from error
         events.append(event)
     return events
+
+
+def in_force(events: Sequence[Event]) -> list[Event]:
+    """Events without the decisions from before failed candidates were tried again, which may lead elsewhere.
+
+    Args:
+        events: of `read_events`.
+
+    Returns:
+        The others, in their order.
+    """
+    retried = max((index for index, event in enumerate(events) if event.get("retry_failed")), default=0)
+    return [event for index, event in enumerate(events) if index > retried or event["event"] not in _DECISIONS]
 
 
 class Journal:

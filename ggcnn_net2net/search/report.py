@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ggcnn_net2net.atomic import replacing, write_text
+from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.search.history import SearchHistory
 from ggcnn_net2net.search.pictures import write_depth_chart, write_size_chart, write_tree
 
@@ -26,6 +27,7 @@ kept the candidate, both separated by ", ". What is not known is empty."""
 
 PATH_HEADINGS = ("depth", "operation", "architecture", "parameters", "score", "gain")
 UNFINISHED = "The search is not finished."
+_PRESETS = {protocol.name: protocol.as_dict() for protocol in (PAPER, CORRECTED)}
 _SIZE_HEADINGS = ("parameters", "score", "operations", "candidate")
 
 
@@ -38,7 +40,8 @@ def write_report(history: SearchHistory, folder: Path) -> list[Path]:
 
     Returns:
         The files: report.md, candidates.csv (one row a candidate, `COLUMNS`), candidates.json (the same as a list of
-        records, with the scores of the replicates and the tracebacks), score.png, parameters.png, tree.svg, tree.png.
+        records, with the scores of the replicates, the tracebacks, and the search that a candidate was taken from),
+        score.png, parameters.png, tree.svg, tree.png.
     """
     names = ("report.md", "candidates.csv", "candidates.json", "score.png", "parameters.png", "tree.svg", "tree.png")
     paths = [Path(folder) / name for name in names]
@@ -82,6 +85,7 @@ def _records(history: SearchHistory) -> list[dict[str, Any]]:
             "error": item.error,
             "replicate_scores": [_plain(score) for score in item.replicate_scores],
             "traceback": item.traceback,
+            "taken_from": item.taken_from,
         }
         for item in history.candidates.values()
     ]
@@ -109,6 +113,7 @@ def counts(history: SearchHistory) -> list[str]:
     lines = [
         f"{history.trained} candidates trained, {len(history.failed)} failed, {duration(history.seconds)} of work, "
         "summed over the workers.",
+        *([f"{history.taken} more were taken from other searches, which have trained them."] if history.taken else []),
         f"{history.reused} were met again by a later lookahead and reused: {history.avoided:.0%} of all trainings "
         "avoided.",
     ]
@@ -153,7 +158,8 @@ def markdown(history: SearchHistory) -> str:
         "## Settings",
         _table(_flat(history.settings.as_dict()), ("setting", "value")),
         f"Data: `{history.data['path']}`, train {history.data['train']}, test {history.data['test']}.",
-        f"Made by `{history.command}` with {', '.join(f'{name} {text}' for name, text in history.versions.items())}.",
+        f"Made by `{history.command}` with {_versions(history.versions)}.",
+        *(f"**Resumed with other versions**: {_versions(later)}." for later in history.later_versions),
         "## Tree",
         "![All candidates](tree.svg)",
     ]
@@ -192,12 +198,20 @@ def _table(rows: Sequence[Sequence[str]], headings: Sequence[str]) -> str:
     return tabulate(cells, headings, tablefmt="pipe", disable_numparse=True)
 
 
+def _versions(versions: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {text}" for name, text in versions.items())
+
+
 def _flat(settings: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Settings within settings as `recipe.epochs`; of a protocol its name."""
+    """Settings within settings as `recipe.epochs`; of a protocol its name, and what differs from its preset."""
     rows = []
     for name, value in settings.items():
         if name == "protocol":
             rows.append((f"{prefix}{name}", str(value["name"])))
+            usual = _PRESETS.get(value["name"], {})
+            rows += _flat(
+                {field: text for field, text in value.items() if text != usual.get(field)}, f"{prefix}{name}."
+            )
         elif isinstance(value, dict):
             rows += _flat(value, f"{prefix}{name}.")
         else:

@@ -36,7 +36,7 @@ class TrainedElsewhere:
         self._trained: dict[tuple[str, int, int], _Trained] = {}
         for directory in directories:
             events = read_events(directory / JOURNAL_FILE)
-            if events and _what_matters(events[0]) == _what_matters(begun):
+            if events and _what_matters(events[0]) == _what_matters(begun) and _versions_are(begun["versions"], events):
                 for event in events:
                     if event["event"] == "scored":
                         key = (event["candidate"], event["epochs"], event["replicate"])
@@ -63,7 +63,12 @@ class TrainedElsewhere:
         return {**known.event, "taken_from": str(known.directory)}
 
 
+def _versions_are(versions: dict[str, str], events: Iterable[Event]) -> bool:
+    """Whether a search, resumed or not, has always run with these."""
+    return all(event["versions"] == versions for event in events if "versions" in event)
+
+
 def _what_matters(begun: Event) -> dict[str, Any]:
     settings = {name: value for name, value in begun["settings"].items() if name not in _OF_THE_WAY}
     data = {split: begun["data"][split] for split in ("train", "test")}
-    return {"settings": settings, "data": data, "versions": begun["versions"]}
+    return {"settings": settings, "data": data}

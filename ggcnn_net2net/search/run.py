@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ggcnn_net2net.atomic import replacing
-from ggcnn_net2net.errors import DatasetError, SearchError
+from ggcnn_net2net.errors import DatasetError, SearchError, SurgeryError
 from ggcnn_net2net.parallel import Workers
 from ggcnn_net2net.search.beam import search
 from ggcnn_net2net.search.candidates import root_candidate
 from ggcnn_net2net.search.heuristics import prepare_simulation
 from ggcnn_net2net.search.history import SearchHistory, read_history
-from ggcnn_net2net.search.journal import FORMAT, JOURNAL_FILE, Event, Journal, read_events
+from ggcnn_net2net.search.journal import FORMAT, JOURNAL_FILE, RESUMED, Event, Journal, in_force, read_events
 from ggcnn_net2net.search.reuse import TrainedElsewhere
 from ggcnn_net2net.search.settings import FROM_PARENT, SIM, SearchSettings
 from ggcnn_net2net.search.trainer import TEACHER_FILE, model_file
@@ -24,6 +24,8 @@ from ggcnn_net2net.search.tree import CandidateTree
 
 if TYPE_CHECKING:
     import keras
+
+    from ggcnn_net2net.training import Recipe
 
 BEST_FILE = "best.hdf5"
 
@@ -43,7 +45,7 @@ def start_search(
     reuse: Sequence[Path] = (),
     on_event: OnEvent = lambda _: None,
 ) -> SearchHistory:
-    """Search for a better network by surgery and training (section II-C of the paper).
+    """Search for a better network by surgery and training (sections II and III-A of the paper).
 
     The result depends on the network, the dataset, the settings and the versions of the packages, and not on the number
     of workers or on interruptions.
@@ -65,8 +67,9 @@ def start_search(
         What came of it. The best network of the path is in `directory/best.hdf5`.
 
     Raises:
-        SearchError: the folder holds a search, one of `reuse` holds none, the network cannot be scored, or too many
-            candidates failed in a row.
+        SearchError: the folder holds a search, one of `reuse` holds none, the limit of parameters leaves nothing to
+            try, the network cannot be scored, or all its children or too many candidates in a row failed.
+        TrainingError: a recipe that cannot train: its optimizer, or more images a step than there are.
         DatasetError: a dataset that cannot be read, or has images of another size than the network takes.
         SurgeryError: no operation can be applied to the network at all.
     """
@@ -93,10 +96,13 @@ def resume_search(
 ) -> SearchHistory:
     """Go on with a search where it stopped; what comes of it is the same, bit by bit, as without the interruption.
 
+    With other versions of the packages it may not be; the journal and the report then tell both.
+
     Args:
         directory: its folder. The dataset has to be where it was.
         workers: see `start_search`; need not be as many as before.
-        retry_failed: train candidates again that failed before. Otherwise they stay failed.
+        retry_failed: train candidates again that failed before. Otherwise they stay failed, but for the first network,
+            without which there is no search.
         on_event: told about what happened before, and then about what happens.
 
     Returns:
@@ -105,13 +111,24 @@ def resume_search(
     Raises:
         SearchError: no search there, another process is at it, other data, or too many failures in a row.
     """
+    from ggcnn_net2net.reproduce.results import versions
+
     directory = Path(directory).absolute()
     load_history(directory)  # refuses what is no search
     with Journal(directory / JOURNAL_FILE) as journal:
         events = read_events(journal.path)
         _check_data(events[0])
-        if retry_failed:
-            events = [event for event in events if event["event"] != "failed"]
+        resumed = {"event": RESUMED, "retry_failed": retry_failed, "versions": versions(), "started": time.time()}
+        before = [event["versions"] for event in events if event["event"] in ("search", RESUMED)]
+        if retry_failed or resumed["versions"] != before[-1]:
+            journal.append(resumed)
+            events.append(resumed)
+        tried_again = [
+            event
+            for event in events
+            if event["event"] == "failed" and (retry_failed or event["candidate"] == events[0]["root"])
+        ]
+        events = [event for event in in_force(events) if event not in tried_again]
         return _search(directory, events, workers, journal, on_event)
 
 
@@ -142,17 +159,19 @@ def _prepare(
         The journal's first event.
     """
     from ggcnn_net2net.model_files import load_ggcnn, save_ggcnn
-    from ggcnn_net2net.net2net import operations
     from ggcnn_net2net.reproduce.results import versions
     from ggcnn_net2net.training.checkpoint import fingerprint_of
 
-    operations(model, transpose=settings.transpose)  # raises where surgery is impossible
+    _check_children(model, settings)
     _check_size(model, dataset)
+    _check_recipe(settings.recipe, dataset)
     data = {"path": str(dataset), **_fingerprints(dataset)}
     root = root_candidate(fingerprint_of(model), data["train"])
     save_ggcnn(model, model_file(directory, root.key))
     if settings.distil not in (None, FROM_PARENT):
-        save_ggcnn(load_ggcnn(settings.distil), directory / TEACHER_FILE)
+        teacher = load_ggcnn(settings.distil)
+        _check_size(teacher, dataset)
+        save_ggcnn(teacher, directory / TEACHER_FILE)
     return {
         "event": "search",
         "format": FORMAT,
@@ -176,6 +195,41 @@ def _check_reuse(settings: SearchSettings, reuse: Sequence[Path]) -> None:
             "expected a search without successive halving, carried optimizers and a teacher's file to take candidates "
             "from others, received one whose candidates need more than a network and its score: leave `reuse` out"
         )
+
+
+def _check_children(model: keras.Model, settings: SearchSettings) -> None:
+    """See that there is something to search."""
+    from ggcnn_net2net.net2net import operations, parameters_after
+
+    possible = operations(model, transpose=settings.transpose)  # raises where surgery is impossible
+    if not possible:
+        raise SurgeryError(
+            "expected a network with a layer that can be changed, received one without: "
+            + ("choose another" if settings.transpose else "transposed layers are changed with `transpose` alone")
+        )
+    smallest = min(parameters_after(model, possible))
+    if settings.max_parameters is not None and smallest > settings.max_parameters:
+        raise SearchError(
+            f"expected a limit of {smallest:,} parameters or more, the smallest network that an operation makes of "
+            f"this one with {model.count_params():,}, received {settings.max_parameters:,}: surgery only grows; "
+            "start from a smaller one"
+        )
+
+
+def _check_recipe(recipe: Recipe, dataset: Path) -> None:
+    """See that a candidate can be trained, whose errors would come much later."""
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.training.data import batches_of_epoch
+
+    recipe.new_optimizer(1)
+    batches_of_epoch(
+        len(GraspDataset(dataset, "train")),
+        recipe.batch_size,
+        epoch=0,
+        seed=recipe.seed,
+        shuffled_rows=recipe.protocol.shuffled_rows,
+        budget=recipe.images_per_epoch,
+    )
 
 
 def _check_size(model: keras.Model, dataset: Path) -> None:

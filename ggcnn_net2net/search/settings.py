@@ -151,8 +151,7 @@ class SearchSettings:
         own = dict(values)
         try:
             beam, recipe = own.pop("beam"), own.pop("recipe")
-            recipe = Recipe(**{**recipe, "protocol": Protocol(**recipe["protocol"])})
-            return cls(**{name: beam[name] for name in _OF_BEAM}, recipe=recipe, **own)
+            return cls(**{name: beam[name] for name in _OF_BEAM}, recipe=Recipe.from_dict(recipe), **own)
         except (KeyError, TypeError) as error:
             raise SearchError(
                 f"expected settings of this version of the package, received others: {error!r}"

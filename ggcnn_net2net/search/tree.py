@@ -72,16 +72,30 @@ class CandidateTree:
             scores = [self._score(node) for node in nodes]
             if nodes[0] == self.root and math.isnan(scores[0]):
                 error = self._results[self.root.key].error
-                raise SearchError(f"expected a network that can be scored to start from, received {error}")
+                raise SearchError(
+                    f"expected a network that can be scored to start from, received {error}; remove the cause, and go "
+                    f"on with `ggcnn-net2net search resume {self.directory}`"
+                )
             return scores
         self._begin_level(nodes)
         alive = list(nodes)
         for epochs in self.settings.rungs[:-1]:
             if len(alive) > self.settings.width:
-                self._train(alive, epochs)
-                alive = self._better_half(alive, epochs)
+                # What an earlier level, too small to halve, has trained to the end must not be trained anew.
+                done = [node for node in alive if self._has_score(node) and not self._has_score(node, epochs)]
+                racing = [node for node in alive if node not in done]
+                self._train(racing, epochs)
+                left_behind = self._worse_half(racing, epochs)
+                alive = [node for node in alive if node not in left_behind]
         self._train(alive)
-        return [math.nan if node.key in self._pruned else self._score(node) for node in nodes]
+        scores = [math.nan if node.key in self._pruned else self._score(node) for node in nodes]
+        if self._commitments == 0 and self._level == 1 and all(map(math.isnan, scores)):
+            raise SearchError(
+                f"expected a child of the first network that can be trained, all {len(nodes)} failed, the last with: "
+                f"{self._results[nodes[-1].key].error}; remove the cause, and go on with `ggcnn-net2net search resume "
+                f"{self.directory} --retry-failed`"
+            )
+        return scores
 
     def commit(self, node: Candidate) -> Candidate:
         """The node, trained further if the search retrains; if that fails, the node as it was."""
@@ -179,14 +193,18 @@ class CandidateTree:
         epochs = self._epochs(node) if epochs is None else epochs
         return self._results[node.key].score(epochs, self._replicates(node))
 
-    def _better_half(self, nodes: list[Candidate], epochs: int) -> list[Candidate]:
-        """At least as many as the beam is wide, in the order in which they stood."""
+    def _has_score(self, node: Candidate, epochs: int | None = None) -> bool:
+        epochs = self._epochs(node) if epochs is None else epochs
+        return all(self._knows(self._job(node, epochs, replicate)) for replicate in range(self._replicates(node)))
+
+    def _worse_half(self, nodes: list[Candidate], epochs: int) -> list[Candidate]:
+        """Those that are left behind on a rung; at least as many as the beam is wide go on."""
         sign = -1 if self.settings.beam.maximise else 1
         scores = {node.key: self._score(node, epochs) for node in nodes}
         ranked = sorted(nodes, key=lambda node: (math.isnan(scores[node.key]), sign * scores[node.key]))
         left_behind = ranked[max(self.settings.width, -(-len(nodes) // 2)) :]
         self._pruned |= {node.key: scores[node.key] for node in left_behind}
-        return [node for node in nodes if node not in left_behind]
+        return left_behind
 
     def _begin_level(self, nodes: Sequence[Candidate]) -> None:
         """Tell which candidates come next."""

@@ -49,12 +49,22 @@ def vertex_mean(parts: list[Vertices]) -> Vertices:
 
 
 def centre_of_mass(parts: list[Vertices]) -> Vertices:
-    """Centre of mass of convex parts of equal density; where parts overlap, the overlap counts twice."""
-    from scipy.spatial import ConvexHull  # workers of the benchmark never need it
+    """Centre of mass of convex parts of equal density; where parts overlap, the overlap counts twice.
+
+    Raises:
+        ObjectSetError: a part that is flat, or has fewer than four corners.
+    """
+    from scipy.spatial import ConvexHull, QhullError  # workers of the benchmark never need it
 
     moment, total = np.zeros(3), 0.0
-    for part in parts:
-        hull = ConvexHull(part)
+    for number, part in enumerate(parts, start=1):
+        try:
+            hull = ConvexHull(part)
+        except (QhullError, ValueError) as error:
+            raise ObjectSetError(
+                f"expected convex parts with a volume, received part {number} of {len(parts)} with {len(part)} corners "
+                "that have none: decompose the mesh again"
+            ) from error
         inside = part[hull.vertices].mean(axis=0)
         corners = part[hull.simplices] - inside  # tetrahedra from an inner point to each triangle
         volumes = np.abs(np.linalg.det(corners)) / 6

@@ -104,6 +104,7 @@ def load_object_set(spec: str, protocol: Protocol = PAPER) -> ObjectSet:
     name, _, argument = spec.partition(":")
     if name in _SETS and (not argument or name in _SETS_WITH_ARGUMENT):
         objects = _SETS[name](argument, protocol)
+        name = spec if name == "training" else name  # the argument of the other is a folder of the user's machine
     elif Path(spec).is_dir():
         name, objects = Path(spec).resolve().name, _folder_objects(Path(spec), protocol)
     else:
@@ -205,11 +206,11 @@ def _training(argument: str, protocol: Protocol) -> Iterable[ObjectModel]:
 def _folder_objects(folder: Path, protocol: Protocol) -> Iterable[ObjectModel]:
     table = folder / "objects.csv"
     try:
-        with table.open(encoding="utf-8", newline="") as lines:
+        with table.open(encoding="utf-8-sig", newline="") as lines:  # spreadsheets begin it with a mark
             rows = list(csv.DictReader(lines))
-    except OSError as error:
+    except (OSError, UnicodeDecodeError) as error:
         raise ObjectSetError(
-            f"expected {table} with a column name (and optionally category, scale or longest_side): {error}"
+            f"expected {table} in UTF-8 with a column name (and optionally category, scale or longest_side): {error}"
         ) from error
     if not rows or not all(row.get("name") for row in rows):
         raise ObjectSetError(f"expected a column name with a value in every row of {table}, received {rows[:1]}")

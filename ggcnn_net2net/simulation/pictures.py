@@ -35,6 +35,8 @@ FILM_CAMERA = Camera(target=(0.75, 0.7, 0.3), position=(0.0, -1.15, 1.25), up=(0
 class Film:
     """Frames of a trial, for a .gif or .mp4 file; call `watch` once before the trial and `save` after it.
 
+    A trial without a grasp, or of an object that does not lie still, has no frames, and nothing can be saved.
+
     Raises:
         GGCNNError: `path` has another suffix.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -96,7 +97,7 @@ class Recipe:
             ) from error
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values, for result files."""
+        """Plain JSON values, for result files; `from_dict` makes the same recipe of them."""
         optimizer: Any = self.optimizer
         if not isinstance(optimizer, str):
             import keras
@@ -112,6 +113,26 @@ class Recipe:
             "seed": self.seed,
             "protocol": self.protocol.as_dict(),
         }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Recipe:
+        """The recipe that `as_dict` gave.
+
+        Args:
+            values: plain JSON values, of this version of the package.
+
+        Returns:
+            An equal recipe; an optimizer object is made anew.
+
+        Raises:
+            KeyError, TypeError: values of another version.
+        """
+        optimizer = values["optimizer"]
+        if not isinstance(optimizer, str):
+            import keras
+
+            optimizer = keras.optimizers.deserialize(optimizer)
+        return cls(**{**values, "optimizer": optimizer, "protocol": Protocol(**values["protocol"])})
 
     @property
     def fingerprint(self) -> str:

@@ -16,6 +16,7 @@ from ggcnn_net2net.net2net import Operation, apply_operations
 from ggcnn_net2net.training.checkpoint import History
 from ggcnn_net2net.training.data import Batch, TrainingData
 from ggcnn_net2net.training.recipe import Recipe
+from ggcnn_net2net.training.report import columns_of, series_of
 from ggcnn_net2net.training.train import OnProgress, TrainingResult, train
 
 if TYPE_CHECKING:
@@ -201,8 +202,8 @@ def write_stage_curves(history: History, stages: Sequence[Stage], path: Path, ti
     axes = figure.subplots()
     epochs = [entry["epoch"] + 1 for entry in history]
     for name, label, style in (("loss", "training", "-"), ("val_loss", "validation", "--")):
-        if name in history[0]:
-            axes.plot(epochs, [entry[name] for entry in history], style, marker=".", color="C0", label=label)
+        if name in columns_of(history):
+            axes.plot(epochs, series_of(history, name), style, marker=".", color="C0", label=label)
     begins: dict[int, float] = {}
     for entry in history:
         begins.setdefault(entry["stage"], entry["epoch"] + 0.5)

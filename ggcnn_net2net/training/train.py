@@ -224,6 +224,8 @@ def mean_loss(model: keras.Model, data: TrainingData, recipe: Recipe) -> float:
 
 def _validate(model: keras.Model, data: TrainingData, recipe: Recipe, evaluate: Evaluation) -> dict[str, float]:
     """Mean losses by name over all images, in batches; the images of epoch 0."""
+    if not len(data):
+        raise TrainingError("expected images to compute the loss of, received a split without any")
     total = np.zeros(len(HEADS))
     rows = range(len(data))
     batches = [rows[start : start + recipe.batch_size] for start in rows[:: recipe.batch_size]]

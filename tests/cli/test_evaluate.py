@@ -39,7 +39,7 @@ def test_contact_sheet(folder, tmp_path):
     assert sheet.std() > 10  # not blank
 
 
-def test_one_grasp_with_picture_and_films(folder, tmp_path, data_root):
+def test_one_grasp_with_picture_and_films(folder, tmp_path, data_root, monkeypatch):
     picture, gif, mp4 = (tmp_path / f"brick.{suffix}" for suffix in ("png", "gif", "mp4"))
     arguments = ("published", "--objects", folder, "--object", "brick")
     output = call(evaluate, "grasp", *arguments, "--picture", picture, "--film", gif).output
@@ -51,6 +51,11 @@ def test_one_grasp_with_picture_and_films(folder, tmp_path, data_root):
     call(evaluate, "grasp", *arguments, "--film", mp4)
     film = cv2.VideoCapture(str(mp4))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) > 100
+    monkeypatch.setattr("ggcnn_net2net.inference.predict_grasps", lambda *_: [None])
+    for name in ("none.gif", "none.mp4"):
+        said = call(evaluate, "grasp", *arguments, "--film", tmp_path / name).output
+        assert f"there is no {tmp_path / name}" in said
+        assert not (tmp_path / name).exists()
     with pytest.raises(GGCNNError, match=r"\.gif or \.mp4"):
         call(evaluate, "grasp", *arguments, "--film", tmp_path / "brick.avi")
     with pytest.raises(ObjectSetError, match="brick, wall"):

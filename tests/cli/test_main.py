@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from ggcnn_net2net import errors, reference_data, zoo
 from ggcnn_net2net.cli.main import COMMANDS, GREETING, INTERRUPTED, cli, run
+from ggcnn_net2net.cli.options import command_line
 from ggcnn_net2net.errors import GGCNNError, SurgeryError
 from ggcnn_net2net.model_files import published
 
@@ -123,3 +124,25 @@ def test_without_weights_and_network_it_says_what_to_do(monkeypatch, capsys, tmp
     for part in ("epoch_29_model.hdf5", "07ed61da", str(tmp_path / "cache"), str(tmp_path / "checkout"), "curl"):
         assert part in message
     assert not (tmp_path / "out").exists()
+
+
+def test_what_the_system_refuses_is_no_traceback(monkeypatch, capsys, tmp_path):
+    @click.command()
+    def command():
+        (tmp_path / "missing" / "file").write_text("")
+
+    assert exit_code(command, [], monkeypatch) == 1
+    assert capsys.readouterr().err == f"Error: No such file or directory: {tmp_path / 'missing' / 'file'}\n"
+
+
+@pytest.mark.parametrize(
+    ("program", "shown"),
+    [
+        ("/usr/bin/ggcnn-net2net", "ggcnn-net2net"),
+        ("/site/ggcnn_net2net/__main__.py", "python -m ggcnn_net2net"),
+        ("/site/ggcnn_net2net/reproduce/__main__.py", "python -m ggcnn_net2net.reproduce"),
+    ],
+)
+def test_the_recorded_command_can_be_run_again(program, shown, monkeypatch):
+    monkeypatch.setattr(sys, "argv", [program, "table1", "-o", "my results"])
+    assert command_line() == f"{shown} table1 -o 'my results'"

@@ -176,3 +176,12 @@ def test_nothing_to_do_it_on(tmp_path):
     failure = call(tmp_path / "empty", "-o", tmp_path)[2]
     assert isinstance(failure, DepthImageError)
     assert "found none" in str(failure)
+
+
+def test_what_cannot_be_written_does_not_stop_the_others(network, tmp_path):
+    first, second = image(tmp_path / "first.npy"), image(tmp_path / "second.npy")
+    (tmp_path / "out" / "first_grasps.json").mkdir(parents=True)
+    _, errors, failure = call(first, second, "-o", tmp_path / "out", "--network", network, "--preset", "kinova")
+    assert isinstance(failure, DepthImageError)
+    assert f"{first}: " in errors
+    assert (tmp_path / "out" / "second_grasps.json").is_file()

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import click
 import cv2
@@ -218,3 +219,35 @@ def test_fresh_augmentations_begin_as_the_stored_ones_and_then_differ(call, raw,
 def test_fresh_augmentations_of_another_folder_are_refused(call, raw, tmp_path):
     with pytest.raises(DatasetError, match="dataset build"):
         call("shallow", tmp_path / "x.hdf5", "--fresh-from", raw)
+
+
+def test_nothing_that_is_read_is_written_over(call, dataset, tmp_path):
+    copy = tmp_path / "grasps.hdf5"
+    copy.write_bytes(dataset.read_bytes())
+    options = ["shallow", copy, "-o", copy, "--epochs", 1]
+    result = CliRunner().invoke(train_command, [str(part) for part in options], standalone_mode=False)
+    assert isinstance(result.exception, ModelFileError)
+    assert "another output file than the input" in str(result.exception)
+    assert copy.read_bytes() == dataset.read_bytes()
+    network = tmp_path / "network.hdf5"
+    call("shallow", network, "--epochs", 1)
+    with pytest.raises(ModelFileError, match="another output file than the input"):
+        call(network, tmp_path / ".." / tmp_path.name / "network.hdf5", "--epochs", 2)
+
+
+def test_a_folder_does_not_hide_an_architecture(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for epochs in (1, 2):  # the second time, the folder "shallow" is there
+        call("shallow", Path("shallow") / "network.hdf5", "--epochs", epochs)
+
+
+@pytest.mark.parametrize("options", [("--no-validation", "--validation"), ("--validation", "--no-validation")])
+def test_a_run_can_be_prolonged_with_validation_or_without(call, tmp_path, options):
+    output = tmp_path / "shallow.hdf5"
+    for epochs, option in enumerate(options, start=1):
+        shown = call("shallow", output, "--epochs", epochs, option)
+    assert "val_loss" in shown
+    with output.with_suffix(".csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["val_loss"] != "" for row in rows] == [option == "--validation" for option in options]
+    assert json.loads(output.with_suffix(".json").read_text())["last_epoch"]["epoch"] == 1

@@ -3,8 +3,12 @@ import shutil
 import numpy as np
 import pytest
 
+from ggcnn_net2net.datasets.augmentation import PLAIN
+from ggcnn_net2net.datasets.build import build_dataset
+from ggcnn_net2net.datasets.hdf5 import GraspDataset
 from ggcnn_net2net.datasets.jacquard import open_jacquard, read_grasps
 from ggcnn_net2net.datasets.raw import open_scenes, read_image
+from ggcnn_net2net.datasets.splits import make_split
 from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.grasping import rectangle_to_grasp
 
@@ -84,3 +88,10 @@ def test_grasps_that_are_none(tmp_path, text):
         read_grasps(tmp_path / "0_x_grasps.txt")
     with pytest.raises(DatasetError, match="left out"):
         open_jacquard(tmp_path)
+
+
+def test_the_kind_of_depth_is_recorded(folder, tmp_path):
+    scenes = open_scenes(folder, depth="stereo")
+    split = make_split(scenes.objects, "image", 0.3, 0)
+    build_dataset(scenes, split, tmp_path / "stereo.h5", PLAIN)
+    assert GraspDataset(tmp_path / "stereo.h5", "train").attributes["depth"] == "stereo"

@@ -13,6 +13,7 @@ from ggcnn_net2net.datasets.simulated import Simulation, simulate_folder, simula
 from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.grasping import rectangle_to_grasp
 from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
+from ggcnn_net2net.simulation.training_objects import shape_of
 from ggcnn_net2net.simulation.trial import run_trial
 from ggcnn_net2net.simulation.world import World
 
@@ -101,7 +102,7 @@ def test_folder_reads_as_cornell(folder, world):
     np.testing.assert_array_equal(scenes[2].depth, made.scene.depth)
     np.testing.assert_array_equal(scenes[2].rgb, made.scene.rgb)
     np.testing.assert_allclose(scenes[2].rectangles, made.rectangles, atol=0.006)
-    assert scenes.objects["pcd0002"].endswith(made.scene.model.name)
+    assert scenes.objects["pcd0002"].endswith(shape_of(made.scene.model))
 
 
 def test_folder_goes_on_and_does_not_depend_on_workers(folder, tmp_path):
@@ -109,6 +110,8 @@ def test_folder_goes_on_and_does_not_depend_on_workers(folder, tmp_path):
     (tmp_path / "01" / "pcd0001scene.json").unlink()  # as if killed while it was written
     simulate_folder(tmp_path, 4, Simulation(seed=3), workers=1)
     assert files_of(tmp_path) == files_of(folder)
+    assert len(simulate_folder(tmp_path, 2, Simulation(seed=3), workers=1)) == 2
+    assert files_of(tmp_path) == files_of(folder)  # all four are still listed
 
 
 @pytest.mark.parametrize("sides", [(0.03, 0.2), (0.2, 0.1), (0.1, 0.4), (0.3, 0.32)])

@@ -62,6 +62,16 @@ def test_half_an_array_file_is_explained(tmp_path):
             read_depth_file(path)
 
 
+def test_a_damaged_archive_is_explained(tmp_path):
+    path = tmp_path / "e.npz"
+    np.savez_compressed(path, depth=np.random.default_rng(0).integers(0, 9, (40, 40)))
+    content = bytearray(path.read_bytes())
+    content[80:180] = bytes(100)  # no deflate stream
+    path.write_bytes(content)
+    with pytest.raises(DepthImageError, match=path.name):
+        read_depth_file(path)
+
+
 @pytest.mark.parametrize("depth", [DEPTH.astype(np.uint8), np.zeros((4, 4, 3), np.uint16)])
 def test_pictures_are_no_depth(tmp_path, depth):
     with pytest.raises(DepthImageError, match="8 bits or colours"):

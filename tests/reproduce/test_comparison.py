@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import pytest
@@ -8,7 +9,9 @@ from hypothesis import strategies as st
 from ggcnn_net2net.cli.evaluate import evaluate
 from ggcnn_net2net.errors import ResultsError
 from ggcnn_net2net.reproduce.comparison import ObjectCounts, compare
+from ggcnn_net2net.reproduce.networks import short_hash
 from ggcnn_net2net.reproduce.records import COLUMNS, GraspRecord, RecordFile
+from ggcnn_net2net.reproduce.results import current_records
 from ggcnn_net2net.simulation.trial import Outcome
 
 BLANK = GraspRecord(**{**dict.fromkeys(COLUMNS), "in_bin": False, "distance": 0.1, "steps": 1})
@@ -75,6 +78,7 @@ def test_networks_that_cannot_be_compared():
 
 def test_command(tmp_path):
     RecordFile(tmp_path / "grasps.csv").rewrite([*OLD, *NEW])
+    (tmp_path / "results.json").write_text('{"networks": []}')
     lines = call(evaluate, "compare", tmp_path, "old", "new").splitlines()
     assert "new against old, same scenes: 3 won, 2 lost, p = 1 (McNemar's exact test)" in lines
     assert ["new", "6/9", "0.667", "(0.354-0.879)"] in [line.split() for line in lines]
@@ -85,3 +89,20 @@ def test_command(tmp_path):
     same = call(evaluate, "compare", tmp_path, "old", "old")
     assert "0 won, 0 lost, p = 1 " in same
     assert "3 of 3 objects" in same
+
+
+def test_of_a_network_that_was_trained_further_the_last_table_counts(tmp_path):
+    before, after = short_hash("before" * 11), short_hash("after" * 13)
+    rows = [replace(row, weights=weights, model="mine") for row, weights in ((OLD[0], before), (NEW[0], after))]
+    RecordFile(tmp_path / "grasps.csv").rewrite([*rows, *OLD])
+    assert [row.weights for row in shown(tmp_path, [])] == [after, *["old"] * len(OLD)]
+    table = [{"name": "mine", "sha256": "before" * 11}, {"name": "empty", "sha256": ""}]
+    assert [row.weights for row in shown(tmp_path, table)] == [before, *["old"] * len(OLD)]
+    (tmp_path / "results.json").write_text("{")
+    with pytest.raises(ResultsError, match=r"results\.json"):
+        current_records(tmp_path)
+
+
+def shown(folder, networks):
+    (folder / "results.json").write_text(json.dumps({"networks": networks}))
+    return current_records(folder)

@@ -1,6 +1,7 @@
 """The experiments as a table, and one of them run for real on a few small images."""
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,7 +14,7 @@ from commands import call
 
 from ggcnn_net2net.cli import figures
 from ggcnn_net2net.errors import ResultsError
-from ggcnn_net2net.parallel import Crash
+from ggcnn_net2net.parallel import Crash, LocalWorkers
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.reproduce import run_experiment as run_experiment_module
 from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, read_points, write_points
@@ -97,7 +98,6 @@ def ran(conditions, tmp_path_factory):
     """An experiment of two short searches, run for real: (experiment, folder, points)."""
     from ggcnn_net2net.architecture import build_ggcnn
     from ggcnn_net2net.model_files import save_ggcnn
-    from ggcnn_net2net.parallel import LocalWorkers
 
     folder = tmp_path_factory.mktemp("ran")
     network = str(save_ggcnn(build_ggcnn("C5x5x2_T5x5x2", seed=0), folder / "tiny.hdf5"))
@@ -219,7 +219,6 @@ def test_no_other_network_takes_the_place_of_the_published_one(conditions, tmp_p
 
 @pytest.mark.slow
 def test_another_experiment_is_not_continued(ran, conditions):
-    from ggcnn_net2net.parallel import LocalWorkers
 
     experiment, folder, _ = ran
     with (
@@ -227,6 +226,51 @@ def test_another_experiment_is_not_continued(ran, conditions):
         pytest.raises(ResultsError, match=r"received other settings: choose another --output"),
     ):
         run_experiment(experiment, replace(conditions, seed=1), folder, workers)
+
+
+@pytest.mark.slow
+def test_searches_that_could_not_begin_are_in_nobodys_way(ran, conditions, tmp_path, monkeypatch):
+    told = []
+
+    class Stop(Exception):
+        pass
+
+    def start(*_, reuse, **options):
+        told.append((reuse, options))
+        raise Stop
+
+    monkeypatch.setattr("ggcnn_net2net.search.start_search", start)
+    searches = tmp_path / "searches"
+    for name in ("short-paper", "other-paper"):  # the second is this one's neighbour
+        (searches / name).mkdir(parents=True)
+        (searches / name / "journal.jsonl").touch()
+    experiment = part_of(ran[0], curves=["short"], protocols=[PAPER])
+    with LocalWorkers(1) as workers, pytest.raises(Stop):
+        run_experiment(experiment, conditions, tmp_path, workers)
+    assert told[0][0] == []
+
+
+@pytest.mark.slow
+def test_curves_have_the_threads_of_those_that_were_begun(ran, conditions, tmp_path, monkeypatch):
+    """A worker process serves several curves, and cannot change its threads."""
+    _, folder, _ = ran
+    begun = load_history(folder / "searches" / "short-paper")
+    told = []
+
+    class Stop(Exception):
+        pass
+
+    def start(model, data, settings, *_, **options):
+        told.append((settings.threads, options["reuse"]))
+        raise Stop
+
+    monkeypatch.setattr("ggcnn_net2net.search.start_search", start)
+    shutil.copytree(folder / "searches" / "short-paper", tmp_path / "searches" / "short-paper")
+    experiment = Experiment("tiny", "Tiny", (replace(ran[0].curves[0], name="new"),), (PAPER,))
+    monkeypatch.setattr("os.cpu_count", lambda: 64)
+    with LocalWorkers(1) as workers, pytest.raises(Stop):
+        run_experiment(experiment, conditions, tmp_path, workers)
+    assert told == [(begun.settings.threads, [tmp_path / "searches" / "short-paper"])]
 
 
 def test_a_figure_from_shipped_results(tmp_path):
@@ -274,12 +318,15 @@ def test_all_runs_a_search_of_two_figures_once(asked, monkeypatch):
 
     from ggcnn_net2net.cli import reproduce
 
-    monkeypatch.setattr(reproduce, "table1", click.Command("table1", callback=lambda: 3))
-    monkeypatch.setattr(figures, "fig1", click.Command("fig1", callback=lambda: None))
-    result = CliRunner().invoke(
-        figures.everything, ["--run", "--data", "my.h5", "--workers", "1"], standalone_mode=False
+    told = {}
+    monkeypatch.setattr(
+        reproduce, "table1", click.Command("table1", callback=lambda **options: told.update(options) or 3)
     )
+    monkeypatch.setattr(figures, "fig1", click.Command("fig1", callback=lambda: None))
+    options = ["--run", "--data", "my.h5", "--workers", "1", "--poses", "2", "--objects", "ycb40", "--seed", "4"]
+    result = CliRunner().invoke(figures.everything, options, standalone_mode=False)
     assert result.return_value == 3  # grasps were lost
+    assert told == {"objects_spec": "ycb40", "poses": 2, "seed": 4, "protocol_name": "paper", "workers": 1}
     assert set(asked) == {"fig2", "fig3", "epochs"}
     assert {str(work) for _, _, _, work in asked.values()} == {"results/runs"}
     assert "e=2" in {curve.name for curve in asked["epochs"][0].curves}

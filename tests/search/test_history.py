@@ -194,3 +194,19 @@ def test_nothing_heavy_is_imported():
     code += "print([name for name in ('keras', 'tensorflow', 'matplotlib') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+def test_decisions_from_before_a_retry_do_not_count():
+    """It stops after the new lookahead, before the commitment: the old one does not belong to it."""
+    events = by_hand()
+    resumed = {"event": "resumed", "retry_failed": True, "versions": events[0]["versions"]}
+    again = scored("aw", "a", "wider(1)", 0.9)
+    other = lookahead(
+        0, "root", [[place("a", 0.7, True), place("b", 0.6, True)], [place("aw", 0.9, True)]], ["a", "aw"]
+    )
+    history = read_history([*events, resumed, again, other])
+    assert not history.finished
+    assert [one.key for one, _ in history.path] == ["root"]
+    assert [found.path for found in history.lookaheads] == [("a", "aw")]
+    assert not history.failed
+    assert read_history([*events, resumed]).lookaheads == ()

@@ -5,14 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 
 import pytest
 from journals import MadeUpNetworks, by_hand, failed, lookahead, place, scored, start
 from rich.console import Console
 
+from ggcnn_net2net.protocol import CORRECTED
 from ggcnn_net2net.search.history import read_history
 from ggcnn_net2net.search.report import COLUMNS, counts, duration, markdown, rich_summary, write_report
 from ggcnn_net2net.search.settings import SearchSettings
+from ggcnn_net2net.training import Recipe
 
 
 @pytest.fixture(scope="module")
@@ -126,3 +129,29 @@ def test_counts_name_the_pruned():
 )
 def test_durations(seconds, text):
     assert duration(seconds) == text
+
+
+def test_what_differs_from_the_protocol_is_told():
+    protocol = replace(CORRECTED, wider_noise=0.5)
+    settings = dict(
+        table_of(markdown(read_history([start(SearchSettings(recipe=Recipe(protocol=protocol)))])), "Settings")
+    )
+    assert (settings["recipe.protocol"], settings["recipe.protocol.wider_noise"]) == ("CORRECTED", "0.5")
+    assert "recipe.protocol.masked_loss" not in settings
+
+
+def test_what_was_taken_is_not_counted_as_work():
+    events = by_hand()
+    events[3]["taken_from"] = "elsewhere"
+    history = read_history(events)
+    assert (history.trained, history.taken, history.seconds) == (4, 1, 46.0)
+    assert "1 more were taken from other searches, which have trained them." in counts(history)
+    assert not any("taken" in line for line in counts(read_history(by_hand())))
+
+
+def test_other_versions_are_told():
+    resumed = {"event": "resumed", "retry_failed": False, "versions": {"keras": "4.0"}}
+    text = markdown(read_history([*by_hand()[:5], resumed, *by_hand()[5:]]))
+    assert "with keras 3.15.1." in text
+    assert "**Resumed with other versions**: keras 4.0." in text
+    assert "Resumed" not in markdown(read_history(by_hand()))

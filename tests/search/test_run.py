@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,11 +13,14 @@ from scripted_workers import OPERATIONS, ScriptedWorkers, score_of
 from search_data import ARCHITECTURE, SIZE
 
 from ggcnn_net2net.architecture import build_ggcnn
-from ggcnn_net2net.errors import DatasetError, SearchError
+from ggcnn_net2net.errors import DatasetError, SearchError, SurgeryError, TrainingError
 from ggcnn_net2net.parallel import Crash
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.search import SearchSettings, load_history, resume_search, start_search
+from ggcnn_net2net.search.candidates import child_of
 from ggcnn_net2net.search.journal import Journal, read_events
+from ggcnn_net2net.search.reuse import TrainedElsewhere
+from ggcnn_net2net.search.tree import CandidateTree
 from ggcnn_net2net.training import Recipe
 
 SMALL = SearchSettings(width=2, depth=3, recipe=Recipe(epochs=2, protocol=CORRECTED))
@@ -291,3 +295,80 @@ def test_nothing_is_left_of_a_search_that_cannot_start(model, dataset, tmp_path)
     with pytest.raises(DatasetError, match=r"images of \(144, 144\) px.*received \(72, 72\)"):
         start_search(larger, dataset, SMALL, tmp_path / "search", ScriptedWorkers())
     assert read_events(tmp_path / "search" / "journal.jsonl") == []
+
+
+def test_what_cannot_be_searched_is_refused_before_anything(model, dataset, tmp_path):
+    def start(**changes):
+        start_search(model, dataset, replace(SMALL, **changes), tmp_path / "search", ScriptedWorkers())
+
+    size = model.count_params()
+    with pytest.raises(SearchError, match=rf"expected a limit of \d+ .*this one with {size}, received {size}"):
+        start(max_parameters=size)
+    with pytest.raises(TrainingError, match="'nonsense'"):
+        start(recipe=Recipe(optimizer="nonsense"))
+    with pytest.raises(TrainingError, match="one batch of 32 images"):
+        start(recipe=Recipe(batch_size=32))
+    with pytest.raises(SurgeryError, match="transposed layers are changed with `transpose` alone"):
+        upsampling = build_ggcnn("T3x3x2s1", input_size=SIZE, seed=0)
+        start_search(upsampling, dataset, SMALL, tmp_path / "search", ScriptedWorkers())
+    assert read_events(tmp_path / "search" / "journal.jsonl") == []
+
+
+def test_a_search_whose_first_children_all_fail_has_found_nothing(run):
+    with pytest.raises(SearchError, match=r"all 4 failed, .*as the script says.*--retry-failed"):
+        run(score=lambda operations, *_: math.nan if operations else 0.5)
+
+
+def test_a_root_that_failed_is_tried_again(run, model, dataset, tmp_path):
+    directory = tmp_path / "failing"
+    with pytest.raises(SearchError, match="search resume"):
+        start_search(model, dataset, SMALL, directory, ScriptedWorkers(lambda *_: math.nan))
+    assert keys_on(resume_search(directory, ScriptedWorkers())) == keys_on(run()[0])
+
+
+def test_a_finished_search_whose_failures_are_tried_again(run, tmp_path):
+    def score(operations, epochs, replicate):
+        return math.nan if operations == ("wider(1)",) else score_of(operations, epochs, replicate)
+
+    before, workers, directory = run(score=score)
+    assert before.failed
+    whole, _, _ = run()
+    for stop in (1, math.inf):  # interrupted at first
+        again = ScriptedWorkers(stop_after=stop)
+        again.lineage = workers.lineage
+        with nullcontext() if stop == math.inf else pytest.raises(KeyboardInterrupt):
+            resume_search(directory, again, retry_failed=True)
+        history = load_history(directory)
+        assert history.finished == (stop == math.inf)
+    assert not history.failed
+    assert keys_on(history) == keys_on(whole)
+    assert history.lookaheads == whole.lookaheads
+
+
+def test_other_versions_are_put_down(run, monkeypatch):
+    history, _, directory = run()
+    monkeypatch.setattr("ggcnn_net2net.reproduce.results.versions", lambda: {"keras": "99"})
+    for _ in range(2):  # once each change
+        assert keys_on(resume_search(directory, ScriptedWorkers())) == keys_on(history)
+        assert load_history(directory).later_versions == ({"keras": "99"},)
+    assert load_history(directory).finished
+
+
+def test_halving_does_not_train_anew_what_a_smaller_level_has_trained_to_the_end(model, dataset, tmp_path):
+    """A level of two is not halved; they are met again among four."""
+    settings = replace(SMALL, halving=True, recipe=replace(SMALL.recipe, epochs=8))
+    workers = ScriptedWorkers()
+    start_search(model, dataset, replace(settings, depth=1), tmp_path, workers)
+    events = read_events(tmp_path / "journal.jsonl")
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        tree = CandidateTree(tmp_path, events, workers, journal, lambda _: None, TrainedElsewhere(events[0], ()))
+        parent = child_of(tree.root, "deeper(1)", settings, events[0]["data"]["train"])
+        tree.scores([parent])
+        children = tree.children(parent)
+        few = tree.scores(children[:2])
+        n_jobs = len(workers.jobs)
+        many = tree.scores(children)
+    assert many[:2] == few
+    assert {(job.candidate.operation, job.epochs) for job in workers.jobs[n_jobs:]} == {
+        (child.operation, epochs) for child in children[2:] for epochs in (2, 4, 8)
+    }

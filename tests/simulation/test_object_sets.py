@@ -94,6 +94,24 @@ def test_bad_folders(tmp_path, table, message):
         load_object_set(str(tmp_path))
 
 
+def test_tables_of_spreadsheets(tmp_path):
+    write_obj(tmp_path / "brick_vhacd.obj", [box((0.1, 0.1, 0.1))])
+    (tmp_path / "objects.csv").write_text("name\nbrick\n", encoding="utf-8-sig")
+    assert [model.name for model in load_object_set(str(tmp_path)).objects] == ["brick"]
+    (tmp_path / "objects.csv").write_text("name,category\nbrick,Stück\n", encoding="cp1252")
+    with pytest.raises(ObjectSetError, match=r"objects\.csv in UTF-8"):
+        load_object_set(str(tmp_path))
+
+
+@pytest.mark.parametrize("part", [[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 0, 0], [1, 0, 0], [0, 1, 1]]])
+def test_parts_without_volume(tmp_path, part):
+    lines = ["o part", *(f"v {x} {y} {z}" for x, y, z in part)]
+    (tmp_path / "flat_vhacd.obj").write_text("\n".join(lines) + "\n")
+    (tmp_path / "objects.csv").write_text("name\nflat\n")
+    with pytest.raises(ObjectSetError, match="parts with a volume, received part 1 of 1"):
+        load_object_set(str(tmp_path), CORRECTED)
+
+
 @pytest.mark.parametrize("spec", ["procedural41", "pybullet:/tmp", "shapenetsem", "shapenetsem:/nowhere", ""])
 def test_unknown_sets(spec):
     with pytest.raises(ObjectSetError, match="expected"):

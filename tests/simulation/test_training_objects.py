@@ -3,6 +3,7 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from ggcnn_net2net.simulation.training_objects import (
     THINNEST,
     WIDEST,
     build,
+    shape_of,
     training_object,
 )
 
@@ -200,6 +202,20 @@ def test_sides_can_be_given():
     assert all(np.sort(extents(read_parts(one.mesh)) * one.scale)[1] <= WIDEST + 1e-6 for one in large)
 
 
+def test_sides_that_a_family_cannot_have():
+    (walls,) = (family.design for family in FAMILIES if family.name == "bin")
+    with pytest.raises(ObjectSetError, match=r"received 0.04 to 0.04 m: choose a wider one"):
+        build(walls, np.random.default_rng(0), (0.04, 0.04))
+
+
+def test_objects_of_one_mesh_have_one_shape(sample):
+    of_pybullet = [one for one in sample if one.category == "pybullet"]
+    assert all(shape_of(one) == f"pybullet_{one.mesh.stem}" for one in of_pybullet)
+    assert all(shape_of(one) == one.name for one in sample if one.category != "pybullet")
+    again = replace(of_pybullet[0], name="pybullet_999999", scale=2.0)
+    assert shape_of(again) == shape_of(of_pybullet[0]) != shape_of(of_pybullet[1])
+
+
 @pytest.mark.parametrize(("index", "seed"), [(-1, 0), (0, -1)])
 def test_negative_numbers(index, seed):
     with pytest.raises(ObjectSetError, match="0 or more"):
@@ -208,9 +224,10 @@ def test_negative_numbers(index, seed):
 
 def test_as_an_object_set(sample):
     objects = load_object_set(f"training:12:{SEED}")
-    assert (objects.name, list(objects.objects)) == ("training", sample[:12])
+    assert (objects.name, list(objects.objects)) == (f"training:12:{SEED}", sample[:12])
     assert load_object_set("training").objects[:12] == load_object_set("training:12").objects
-    assert len(load_object_set("training").objects) == 40
+    usual = load_object_set("training")
+    assert (usual.name, len(usual.objects)) == ("training", 40)
 
 
 @pytest.mark.parametrize("argument", ["0", "-3", "many", "3:", "3:x", "3:1:2", "1.5"])

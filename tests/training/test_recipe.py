@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import keras
@@ -61,3 +62,11 @@ def test_fingerprint_is_of_what_determines_the_steps():
     ]
     assert {other.fingerprint for other in same} == {recipe.fingerprint}
     assert len({other.fingerprint for other in [recipe, *others]}) == len(others) + 1
+
+
+@pytest.mark.parametrize("optimizer", ["adam", keras.optimizers.Adam(0.02, beta_1=0.8)])
+def test_a_recipe_survives_a_file(optimizer):
+    recipe = Recipe(optimizer=optimizer, epochs=3, protocol=CORRECTED)
+    again = Recipe.from_dict(json.loads(json.dumps(recipe.as_dict())))
+    assert again.as_dict() == recipe.as_dict()
+    assert again.new_optimizer(1).get_config() == recipe.new_optimizer(1).get_config()

@@ -265,3 +265,8 @@ def test_threads_are_set_before_tensorflow_starts(small):
 def test_importing_training_is_quick():
     code = "import sys, ggcnn_net2net.training; assert not {'tensorflow', 'keras', 'h5py'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(gn.__file__).parent.parent)
+
+
+def test_a_loss_of_nothing_is_refused(small):
+    with pytest.raises(TrainingError, match="without any"):
+        mean_loss(small, SyntheticGrasps(0, 36), Recipe(batch_size=2))

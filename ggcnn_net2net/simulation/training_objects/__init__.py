@@ -41,6 +41,8 @@ PYBULLET_NUMBERS = tuple(
     if number not in PYBULLET_FOLDERS and number != "168"  # 168 has no vertices but NaN
 )
 """Folders of pybullet_data's random_urdfs that the benchmark does not use."""
+_PYBULLET = "pybullet"
+_DRAWS = 200
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Family:
 
 
 FAMILIES: tuple[Family, ...] = (
-    Family("pybullet", 35, None),
+    Family(_PYBULLET, 35, None),
     Family("blob", 4, solids.blob),
     Family("brick", 5, solids.brick),
     Family("stack", 4, solids.stack),
@@ -90,7 +92,7 @@ def training_object(
         The object, named FAMILY_INDEX, its category the family.
 
     Raises:
-        ObjectSetError: a negative index or seed.
+        ObjectSetError: a negative index or seed, or no object of the family has such a side.
     """
     if index < 0 or seed < 0:
         raise ObjectSetError(f"expected an index and a seed of 0 or more, received {index} and {seed}")
@@ -104,30 +106,48 @@ def training_object(
     return make_model(name, family.name, _cached(name, build(family.design, rng, sides or SIDES)), protocol)
 
 
+def shape_of(model: ObjectModel) -> str:
+    """What a split by objects keeps together: a mesh of pybullet_data may be several objects, of different sizes."""
+    return f"pybullet_{model.mesh.stem}" if model.category == _PYBULLET else model.name
+
+
 def build(
     design: Callable[[np.random.Generator], list[Part]],
     rng: np.random.Generator,
     sides: tuple[float, float] = SIDES,
 ) -> list[Part]:
-    """Draw an assembly and its size: convex parts in metres. A design of which no size fits is drawn again."""
-    while True:
+    """Draw an assembly and its size: convex parts in metres. A design of which no size fits is drawn again.
+
+    Raises:
+        ObjectSetError: none of many fits.
+    """
+    for _ in range(_DRAWS):
         parts = design(rng)
         longest = extents(parts).max()
         low = max(sides[0], THINNEST * longest / min(_thickness(part) for part in parts))
         high = _largest_side(parts, sides[1])
         if low <= high:
             return scale(parts, between(rng, low, high) / longest)
+    raise ObjectSetError(_no_size(sides))
 
 
 def _draw_pybullet(rng: np.random.Generator, sides: tuple[float, float]) -> tuple[Path, float]:
     """One of pybullet_data's meshes that has few parts and is not too wide, and a longest side for it in metres."""
     root = Path(pybullet_data.getDataPath()) / "random_urdfs"
-    while True:
+    for _ in range(_DRAWS):
         number = str(rng.choice(PYBULLET_NUMBERS))
         mesh = root / number / f"{number}.obj"
         parts = read_parts(mesh)
         if len(parts) <= MAX_PARTS and sides[0] <= (largest := _largest_side(parts, sides[1])):
             return mesh, between(rng, sides[0], largest)
+    raise ObjectSetError(_no_size(sides))
+
+
+def _no_size(sides: tuple[float, float]) -> str:
+    return (
+        f"expected a range of longest sides that objects of all families can have, received {sides[0]} to {sides[1]} "
+        "m: choose a wider one"
+    )
 
 
 def _largest_side(parts: list[Part], limit: float) -> float:
