@@ -25,11 +25,11 @@ COMMANDS = {
     "export": ("export", "export_command", "Write networks in the formats that grasp stacks load."),
 }
 INTERRUPTED = 130
-GREETING = """ggcnn_net2net grows, shrinks and judges GG-CNN grasp networks.
+GREETING = """ggcnn_net2net grows GG-CNN grasp networks, also small ones up to a parameter budget, and judges them.
 
-First, see it work (about five minutes on 2 cores, nothing to prepare):
+First, see it work (about ten minutes on 2 cores, nothing to prepare):
 
-  ggcnn-net2net reproduce table1                      the published GG-CNN grasps 40 objects in 5 poses each
+  ggcnn-net2net reproduce table1                      the published GG-CNN and five others grasp 40 objects each
 
 Then, what you came for:
 
@@ -66,7 +66,7 @@ class LazyGroup(click.Group):
 @click.version_option(__version__, prog_name="ggcnn-net2net")
 @click.pass_context
 def cli(context: click.Context) -> None:
-    """Grow, shrink and judge GG-CNN grasp networks.
+    """Grow GG-CNN grasp networks, also small ones up to a parameter budget, and judge them.
 
     \b
     Example, and the place to start: ggcnn-net2net reproduce table1

@@ -83,16 +83,13 @@ def run_table1(
             workers,
             lambda done: on_progress("scenes", done, len(places)),
         )
-        for network in networks:
-            if network.model is None:
-                continue
+        for network in (network for network in networks if network.model is not None):
             missing = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in records]
-            done = len(scenes) - len(missing)
-            on_progress(network.name, done, len(places))
-            for record in _judge(network, missing, protocol, workers, gripper):
+            already = len(scenes) - len(missing)
+            on_progress(network.name, already, len(places))
+            for done, record in enumerate(_judge(network, missing, protocol, workers, gripper), start=already + 1):
                 records[record.key] = record
                 records_file.append(record)
-                done += 1
                 on_progress(network.name, done, len(places))
             # What is missing still has no scene, because workers died making it.
             for model, pose in places:

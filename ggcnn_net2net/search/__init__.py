@@ -1,4 +1,4 @@
-"""Beam search over surgeries: the paper's, resumable, repeatable, parallel (section II-C of the paper)."""
+"""Beam search over surgeries: the paper's, resumable, repeatable, parallel (sections II and III-A of the paper)."""
 
 from ggcnn_net2net.search.beam import BeamSearch
 from ggcnn_net2net.search.run import load_history, resume_search, start_search
