@@ -69,4 +69,5 @@ def test_a_recipe_survives_a_file(optimizer):
     recipe = Recipe(optimizer=optimizer, epochs=3, protocol=CORRECTED)
     again = Recipe.from_dict(json.loads(json.dumps(recipe.as_dict())))
     assert again.as_dict() == recipe.as_dict()
-    assert again.new_optimizer(1).get_config() == recipe.new_optimizer(1).get_config()
+    made, expected = (one.new_optimizer(1).get_config() for one in (again, recipe))
+    assert {**made, "name": ""} == {**expected, "name": ""}  # Keras numbers those of one kind
