@@ -108,12 +108,17 @@ def grasp(
         recording.save()
         click.echo(f"Written to {film}")
     elif recording is not None:
-        click.echo(f"Nothing moved, so there is no {film}", err=True)
+        click.echo("Nothing moved, so no film is written", err=True)
 
 
 @evaluate.command()
 @click.argument("results", type=click.Path(path_type=Path, exists=True, file_okay=False))
-@click.option("--objects", "objects_spec", metavar="SET", help="The object set, if it was a folder of yours.")
+@click.option(
+    "--objects",
+    "objects_spec",
+    metavar="SET",
+    help="The object set, if it was a folder of yours or shapenetsem:FOLDER.",
+)
 @click.option("--network", default="original", show_default=True, help="Row of the table.")
 @click.option("--count", default=10, show_default=True, type=click.IntRange(min=1), help="Most failures to draw.")
 @click.option("-o", "--output", required=True, type=Picture(), help="Picture to write.")

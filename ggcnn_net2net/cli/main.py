@@ -81,7 +81,7 @@ def main() -> None:
 
 
 def run(command: click.Command, name: str) -> None:
-    """Run a command; end the process with 0 (done), 1 (an error of ours), 2 (wrong usage) or 130 (Ctrl-C)."""
+    """Run a command; end the process with 0 (done), 1 (an error that is explained), 2 (wrong usage) or 130 (Ctrl-C)."""
     try:
         sys.exit(command.main(prog_name=name, standalone_mode=False) or 0)
     except click.ClickException as error:

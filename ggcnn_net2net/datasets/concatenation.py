@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ggcnn_net2net.datasets.hdf5 import SPLITS, DatasetWriter, GraspDataset
+from ggcnn_net2net.errors import DatasetError
+
+_NAMED = "names_tell_sources"
 
 
 def splits_of(path: Path) -> list[GraspDataset]:
@@ -49,19 +52,29 @@ def concatenate(paths: Iterable[Path], output: Path, *, compressed: bool = True)
             splits.
     """
     parts = [dataset for path in paths for dataset in splits_of(path)]
-    attributes = {
+    attributes: dict[str, Any] = {
         "source": "concatenation",
         "parts": [
             {"file": part.path.name, "split": part.split, "fingerprint": part.fingerprint, **part.attributes}
             for part in parts
         ],
     }
-    several = len(set().union(*(_sources(part.attributes, part.path.name) for part in parts))) > 1
+    sources = [_sources(part.attributes, part.path.name) for part in parts]
+    several = len(set().union(*sources)) > 1
+    bare = [
+        part.path for part, own in zip(parts, sources, strict=True) if len(own) > 1 and _NAMED not in part.attributes
+    ]
+    if bare and len({part.path for part in parts}) > 1:
+        raise DatasetError(
+            f"expected names of scenes that tell their source, {bare[0]} was joined of several by a version that wrote "
+            "none: join the files that it was made of"
+        )
+    if several and not bare:
+        attributes[_NAMED] = True
     rows = dict.fromkeys(SPLITS, 0)
     with DatasetWriter(output, attributes, compressed=compressed) as writer:
-        for part in parts:
-            own = _sources(part.attributes, part.path.name)
-            prefix = f"{own.pop()}/" if several and len(own) == 1 else ""  # joined from several: it has prefixes
+        for part, own in zip(parts, sources, strict=True):
+            prefix = f"{next(iter(own))}/" if several and len(own) == 1 else ""  # those of several are named already
             for row in range(len(part)):
                 sample = part.sample(row)
                 writer.add(part.split, sample, prefix + sample.name)

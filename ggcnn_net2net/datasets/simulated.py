@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from ggcnn_net2net.atomic import alone, replacing, write_text
 from ggcnn_net2net.datasets.simulated_labels import ALIKE, TRIES, label_grasps, label_rectangles, tried_grasps
-from ggcnn_net2net.errors import DatasetError
+from ggcnn_net2net.errors import DatasetError, ObjectSetError
 from ggcnn_net2net.inpainting import fill_missing
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import PAPER, Protocol
@@ -113,7 +113,7 @@ class SimulatedScene:
 def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedScene:
     """Make one scene; it depends on `settings` and `index` alone.
 
-    Objects that do not come to rest, or offer too few grasps, are replaced by others.
+    Objects that cannot have one of the sides, do not come to rest, or offer too few grasps, are replaced by others.
 
     Args:
         world: is reset first.
@@ -128,7 +128,10 @@ def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedS
     """
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([settings.seed, index, attempt])
-        model = training_object(index * _ATTEMPTS + attempt, settings.seed, settings.protocol, settings.sides)
+        try:
+            model = training_object(index * _ATTEMPTS + attempt, settings.seed, settings.protocol, settings.sides)
+        except ObjectSetError:  # of a family that no such side fits
+            continue
         body, stable, drops = drop_object(world, model, rng)
         if not stable:
             continue
@@ -147,7 +150,7 @@ def simulate_scene(world: World, index: int, settings: Simulation) -> SimulatedS
             return SimulatedScene(replace(scene, depth=_degrade(depth, rng, settings)), rectangles, tried)
     raise DatasetError(
         f"expected a scene with {settings.least_labels} labels or more, received none in {_ATTEMPTS} attempts: lower "
-        "least_labels"
+        "least_labels, or allow more sides"
     )
 
 

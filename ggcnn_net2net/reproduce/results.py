@@ -202,11 +202,16 @@ def check_settings(path: Path, settings: dict[str, Any]) -> None:
         return
     before, now = ({"gripper": "the paper's", **values} for values in (read_settings(path)[0], settings))
     for name, value in now.items():
-        if before.get(name) != value:
+        if _without_name(before.get(name)) != _without_name(value):
             raise ResultsError(
                 f"expected to continue {path.parent} with the {name} it was begun with, {before.get(name)}, received "
                 f"{value}: choose another --output"
             )
+
+
+def _without_name(value: Any) -> Any:
+    """Of scenes all but the name of the object set, whose fingerprint tells more."""
+    return {key: item for key, item in value.items() if key != "object_set"} if isinstance(value, dict) else value
 
 
 def write_results(path: Path, table: Table1, settings: dict[str, Any], command: str, finished: bool) -> None:

@@ -96,7 +96,8 @@ def run_experiment(
         on; SIM is on the same scenes for all curves of a protocol.
 
     Raises:
-        ResultsError: `work` holds a search with other settings, or grasps or rates were lost to workers that died.
+        ResultsError: `work` holds a search or a simulation with other settings, or grasps or rates were lost to workers
+            that died.
         SearchError, DatasetError, ModelFileError: as `search.start_search` and `load_ggcnn`.
     """
     from ggcnn_net2net.reproduce.results import check_settings, settings_of
@@ -106,12 +107,12 @@ def run_experiment(
     from ggcnn_net2net.simulation.scenes import SceneSettings
 
     work, views = work or output, views or Views()
-    for protocol in experiment.protocols:
-        objects = load_object_set(conditions.objects, protocol)
-        simulation = work / f"simulation-{protocol.name.lower()}"
+    sets = {protocol: load_object_set(conditions.objects, protocol) for protocol in experiment.protocols}
+    simulations = {protocol: work / f"simulation-{protocol.name.lower()}" for protocol in experiment.protocols}
+    for protocol, objects in sets.items():  # what would be refused after hours of searching
         scenes = SceneSettings.of(objects, conditions.poses, conditions.seed)
-        # What would be refused after hours of searching.
-        check_settings(simulation / "results.json", settings_of(scenes, protocol, PAPER_GRIPPER))
+        check_settings(simulations[protocol] / "results.json", settings_of(scenes, protocol, PAPER_GRIPPER))
+    for protocol, objects in sets.items():
         networks: list[Network] = []
         for curve in experiment.curves:
             title = f"{experiment.name}: {curve.name}, protocol {protocol.name}"
@@ -134,7 +135,7 @@ def run_experiment(
                 table = run_table1(
                     networks,
                     objects,
-                    simulation,
+                    simulations[protocol],
                     poses=conditions.poses,
                     seed=conditions.seed,
                     protocol=protocol,

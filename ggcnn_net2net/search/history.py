@@ -230,7 +230,8 @@ def _history(events: Sequence[Event]) -> SearchHistory:
     settings = SearchSettings.from_dict(begun["settings"])
     lookaheads = {event["number"]: _lookahead(event) for event in events if event["event"] == "lookahead"}
     committed = {event["number"]: event for event in events if event["event"] == "committed"}
-    candidates = _candidates(events, list(lookaheads.values()))
+    full = settings.recipe.epochs if settings.halving else 0
+    candidates = _candidates(events, list(lookaheads.values()), full)
     path = [(candidates[begun["root"]], candidates[begun["root"]].score)] if candidates else []
     valid = []
     for number in range(len(lookaheads)):
@@ -270,7 +271,8 @@ def _lookahead(event: Event) -> Lookahead:
     return Lookahead(event["number"], event["root"], tuple(levels), tuple(event["path"]))
 
 
-def _candidates(events: Sequence[Event], lookaheads: Sequence[Lookahead]) -> dict[str, CandidateRecord]:
+def _candidates(events: Sequence[Event], lookaheads: Sequence[Lookahead], full: int) -> dict[str, CandidateRecord]:
+    """Candidates by key; with successive halving, those with less than `full` epochs are pruned, or not done yet."""
     runs: dict[str, list[Event]] = {}
     for event in events:
         if event["event"] in ("scored", "failed"):
@@ -284,7 +286,8 @@ def _candidates(events: Sequence[Event], lookaheads: Sequence[Lookahead]) -> dic
         first = about[0]
         parent = None if first["parent"] is None else candidates[first["parent"]]
         sizes = {} if parent is None else _last(runs[parent.key], "operations", {})
-        candidates[key] = _candidate(about, parent, sizes.get(first["operation"]), key in pruned)
+        early = first["operation"].startswith(_SURGERIES) and max(run["epochs"] for run in about) < full
+        candidates[key] = _candidate(about, parent, sizes.get(first["operation"]), early or key in pruned)
     for place in places:
         candidates[place.candidate]  # KeyError: a place for something that was never tried
     return candidates

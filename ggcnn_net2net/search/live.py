@@ -74,7 +74,7 @@ class LiveView:
             return Text("Scoring the network to start from ...")
         found = map(Text, counts(history))
         elapsed = f"Elapsed: {duration(time.monotonic() - self._started)}"
-        if self._events[-1]["event"] == "finished":  # what follows it was resumed
+        if history.finished:
             return Group(*found, Text(elapsed))
         elapsed += f", left: at most {self._time_left(history, self._level)}"
         return Group(_progress(history, self._level), _beam(history, self._level), *found, Text(elapsed))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import time
@@ -109,7 +110,7 @@ def resume_search(
         What is known at the end, as of `start_search`.
 
     Raises:
-        SearchError: no search there, another process is at it, other data, or too many failures in a row.
+        SearchError: no search there, another process is at it, other data, or failures as of `start_search`.
     """
     from ggcnn_net2net.reproduce.results import versions
 
@@ -123,13 +124,16 @@ def resume_search(
         if retry_failed or resumed["versions"] != before[-1]:
             journal.append(resumed)
             events.append(resumed)
-        tried_again = [
-            event
-            for event in events
-            if event["event"] == "failed" and (retry_failed or event["candidate"] == events[0]["root"])
-        ]
-        events = [event for event in in_force(events) if event not in tried_again]
+        root = events[0]["root"]
+        events = [event for event in in_force(events) if not _tried_again(event, retry_failed, root)]
         return _search(directory, events, workers, journal, on_event)
+
+
+def _tried_again(event: Event, retry_failed: bool, root: str) -> bool:
+    if event["event"] == "failed":
+        return retry_failed or event["candidate"] == root
+    score = event.get("score", 0.0)
+    return event["event"] == "scored" and event["candidate"] == root and (score is None or math.isnan(score))
 
 
 def load_history(directory: Path) -> SearchHistory:

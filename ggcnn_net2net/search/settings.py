@@ -152,7 +152,7 @@ class SearchSettings:
         try:
             beam, recipe = own.pop("beam"), own.pop("recipe")
             return cls(**{name: beam[name] for name in _OF_BEAM}, recipe=Recipe.from_dict(recipe), **own)
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise SearchError(
                 f"expected settings of this version of the package, received others: {error!r}"
             ) from error

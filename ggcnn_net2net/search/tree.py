@@ -71,7 +71,7 @@ class CandidateTree:
             self._train(nodes)
             scores = [self._score(node) for node in nodes]
             if nodes[0] == self.root and math.isnan(scores[0]):
-                error = self._results[self.root.key].error
+                error = self._results[self.root.key].error or "a score that is not a number"
                 raise SearchError(
                     f"expected a network that can be scored to start from, received {error}; remove the cause, and go "
                     f"on with `ggcnn-net2net search resume {self.directory}`"
@@ -91,8 +91,8 @@ class CandidateTree:
         scores = [math.nan if node.key in self._pruned else self._score(node) for node in nodes]
         if self._commitments == 0 and self._level == 1 and all(map(math.isnan, scores)):
             raise SearchError(
-                f"expected a child of the first network that can be trained, all {len(nodes)} failed, the last with: "
-                f"{self._results[nodes[-1].key].error}; remove the cause, and go on with `ggcnn-net2net search resume "
+                f"expected a child of the first network that can be trained, all {len(alive)} failed, the last with: "
+                f"{self._results[alive[-1].key].error}; remove the cause, and go on with `ggcnn-net2net search resume "
                 f"{self.directory} --retry-failed`"
             )
         return scores

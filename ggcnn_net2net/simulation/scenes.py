@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +100,8 @@ def drop_object(world: World, model: ObjectModel, rng: np.random.Generator) -> t
 class SceneSettings:
     """What determines a set of scenes."""
 
-    object_set: str
+    object_set: str = field(compare=False)
+    """As it was named; of one set there may be several names."""
     fingerprint: str
     """`ObjectSet.fingerprint`."""
     poses: int

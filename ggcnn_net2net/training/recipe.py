@@ -125,7 +125,7 @@ class Recipe:
             An equal recipe; an optimizer object is made anew.
 
         Raises:
-            KeyError, TypeError: values of another version.
+            KeyError, TypeError, ValueError: values of another version.
         """
         optimizer = values["optimizer"]
         if not isinstance(optimizer, str):

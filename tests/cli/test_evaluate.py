@@ -54,7 +54,7 @@ def test_one_grasp_with_picture_and_films(folder, tmp_path, data_root, monkeypat
     monkeypatch.setattr("ggcnn_net2net.inference.predict_grasps", lambda *_: [None])
     for name in ("none.gif", "none.mp4"):
         said = call(evaluate, "grasp", *arguments, "--film", tmp_path / name).output
-        assert f"there is no {tmp_path / name}" in said
+        assert "no film is written" in said
         assert not (tmp_path / name).exists()
     with pytest.raises(GGCNNError, match=r"\.gif or \.mp4"):
         call(evaluate, "grasp", *arguments, "--film", tmp_path / "brick.avi")

@@ -61,6 +61,19 @@ def test_scenes_of_several_sources_may_have_the_same_name(tmp_path, samples):
     assert train.image_ids == ["cornell real/a", "bare.h5/a"]
     assert test.image_ids == ["cornell made/a"]
     assert test.fingerprint == GraspDataset(made, "test").fingerprint
+    concatenate([tmp_path / "two.h5"], tmp_path / "again.h5")
+    assert splits_of(tmp_path / "again.h5")[0].image_ids == ["cornell real/a"]
+
+
+def test_files_that_were_joined_without_the_sources_are_not_joined_on(tmp_path, samples):
+    parts = [{"file": f"{name}.h5", "source": name} for name in "xy"]
+    old = write(tmp_path / "old.h5", [("train", samples[0])], source="concatenation", parts=parts)
+    concatenate([old], tmp_path / "again.h5")
+    assert splits_of(tmp_path / "again.h5")[0].image_ids == ["a"]
+    other = write(tmp_path / "other.h5", [("train", samples[1])], source="x")
+    for joined in (old, tmp_path / "again.h5"):
+        with pytest.raises(DatasetError, match=r"joined of several .*join the files"):
+            concatenate([joined, other], tmp_path / "both.h5")
 
 
 def test_files_that_are_none(tmp_path, samples):

@@ -219,13 +219,12 @@ def test_no_other_network_takes_the_place_of_the_published_one(conditions, tmp_p
 
 @pytest.mark.slow
 def test_another_experiment_is_not_continued(ran, conditions):
-
     experiment, folder, _ = ran
-    with (
-        LocalWorkers(1) as workers,
-        pytest.raises(ResultsError, match=r"received other settings: choose another --output"),
-    ):
-        run_experiment(experiment, replace(conditions, seed=1), folder, workers)
+    with LocalWorkers(1) as workers:
+        with pytest.raises(ResultsError, match=r"received other settings: choose another --output"):
+            run_experiment(experiment, replace(conditions, learning_rate=3e-4), folder, workers)
+        with pytest.raises(ResultsError, match=r"with the scenes it was begun with"):  # before any search
+            run_experiment(experiment, replace(conditions, seed=1), folder, workers)
 
 
 @pytest.mark.slow
