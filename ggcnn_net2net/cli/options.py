@@ -66,10 +66,10 @@ WORKERS = click.option(
 def command_line() -> str:
     """How the user started this process, for the record: a line that a shell runs again."""
     program = Path(sys.argv[0])
-    if program.name != "__main__.py":
-        return shlex.join(["ggcnn-net2net", *sys.argv[1:]])
-    module = "ggcnn_net2net.reproduce" if program.parent.name == "reproduce" else "ggcnn_net2net"
-    return shlex.join(["python", "-m", module, *sys.argv[1:]])
+    modules = {"ggcnn_net2net": "ggcnn_net2net", "reproduce": "ggcnn_net2net.reproduce"}
+    module = modules.get(program.parent.name) if program.name == "__main__.py" else None
+    start = ["ggcnn-net2net"] if module is None else ["python", "-m", module]
+    return shlex.join([*start, *sys.argv[1:]])
 
 
 def gripper_of(file: Path | None) -> GripperSpec:

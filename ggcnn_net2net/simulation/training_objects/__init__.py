@@ -116,7 +116,15 @@ def build(
     rng: np.random.Generator,
     sides: tuple[float, float] = SIDES,
 ) -> list[Part]:
-    """Draw an assembly and its size: convex parts in metres. A design of which no size fits is drawn again.
+    """Draw an assembly and its size. A design of which no size fits is drawn again.
+
+    Args:
+        design: makes convex parts in any unit.
+        rng: for design and size.
+        sides: range of the longest side in metres.
+
+    Returns:
+        The convex parts in metres.
 
     Raises:
         ObjectSetError: none of many fits.
