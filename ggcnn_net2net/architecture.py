@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count, repeat
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 from ggcnn_net2net.errors import ArchitectureError
@@ -116,6 +117,24 @@ class Architecture:
             channels = layer.filters
         head = ConvLayer("C", HEAD_KERNEL_SIZE, 1, 1)
         return total + len(HEADS) * head.parameters(channels)
+
+    def multiplications(self, input_size: int = INPUT_SIZE) -> int:
+        """What the convolutions of one image take, the four heads included: work, where `n_parameters` is size.
+
+        Args:
+            input_size: side of the image in pixels.
+
+        Returns:
+            Products of a weight and a value, those with padding included.
+        """
+        side, channels, total = input_size, 1, 0
+        for layer in self.layers:
+            # A convolution meets its kernel once for each pixel of its output, a transposed one of its input.
+            below = side
+            side = side * layer.stride if layer.kind == "T" else -(-side // layer.stride)
+            total += min(side, below) ** 2 * prod(layer.kernel_size) * channels * layer.filters
+            channels = layer.filters
+        return total + side**2 * prod(HEAD_KERNEL_SIZE) * channels * len(HEADS)
 
     @property
     def name(self) -> str | None:

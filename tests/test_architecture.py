@@ -33,6 +33,13 @@ def test_parameter_counts(name, parameters):
     assert NAMED[name].name == name
 
 
+def test_multiplications():
+    """By hand: 10x10 pixels of 3x3x1x2 weights, then 5x5 of 3x3x2x4, back up the same, heads of 2x2x5x4 on 10x10."""
+    network = Architecture.parse("C3x3x2s1_C3x3x4s2_T3x3x5s2")
+    assert network.multiplications(10) == 100 * 18 + 25 * 72 + 25 * 180 + 100 * 80
+    assert NAMED["optimized"].multiplications() > ORIGINAL.multiplications() > 10 * NARROW.multiplications()
+
+
 def test_strides_of_extended():
     """deeper adds layers of stride 1; the layer it follows keeps its own."""
     assert [layer.stride for layer in EXTENDED.layers] == [3, 2, 2, 1, 1, 1, 2, 2, 3]

@@ -46,6 +46,7 @@ def _print(summary: ModelSummary) -> None:
 
     console = Console()
     name = f" ({summary.architecture_name})" if summary.architecture_name else ""
+    work = summary.multiplications
     published = "yes, the published GG-CNN" if summary.is_published else "no"
     facts = {
         "file": f"{summary.path} ({summary.size_bytes:,} bytes)",
@@ -56,6 +57,7 @@ def _print(summary: ModelSummary) -> None:
         "input": _shape(summary.input_shape),
         "heads": ", ".join(summary.heads),
         "parameters": f"{summary.parameters:,}",
+        "work": "not counted" if work is None else f"{work / 1e6:,.1f} million multiplications an image",
         "optimizer": _optimizer(summary),
     }
     for label, value in facts.items():

@@ -68,6 +68,8 @@ class ModelSummary:
     heads: tuple[str, ...]
     layers: tuple[LayerSummary, ...]
     parameters: int
+    multiplications: int | None
+    """Of one image, see `Architecture.multiplications`; None where architecture or image size are not known."""
     optimizer: dict[str, Any] | None
     history: list[dict[str, Any]]
     checks: tuple[HealthCheck, ...]
@@ -103,6 +105,7 @@ def model_summary(source: str | Path) -> ModelSummary:
     sha256 = sha256_of(path)
     layers = tuple(_layer_summary(layer) for layer in model.layers)
     refused_for = tuple(problems(model))
+    height, width = model.inputs[0].shape[1:3]
     return ModelSummary(
         path=str(path),
         size_bytes=path.stat().st_size,
@@ -116,6 +119,7 @@ def model_summary(source: str | Path) -> ModelSummary:
         heads=tuple(output_names(model)),
         layers=layers,
         parameters=model.count_params(),
+        multiplications=architecture.multiplications(height) if architecture and height and height == width else None,
         optimizer=stored.optimizer,
         history=stored.history,
         checks=_health_checks(layers, refused_for),

@@ -83,7 +83,9 @@ def run_table1(
             workers,
             lambda done: on_progress("scenes", done, len(places)),
         )
-        for network in (network for network in networks if network.model is not None):
+        for network in networks:
+            if network.model is None:
+                continue
             missing = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in records]
             already = len(scenes) - len(missing)
             on_progress(network.name, already, len(places))

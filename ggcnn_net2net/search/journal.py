@@ -22,6 +22,7 @@ JOURNAL_FILE = "journal.jsonl"
 """Name of the journal in the folder of a search."""
 
 RESUMED = "resumed"
+"""Kind of the event that is put down where a search goes on otherwise than it stopped."""
 _DECISIONS = ("lookahead", "committed", "finished")
 
 Event = dict[str, Any]

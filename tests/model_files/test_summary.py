@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ggcnn_net2net.architecture import architecture_of
+from ggcnn_net2net.architecture import ORIGINAL, architecture_of
 from ggcnn_net2net.cli.grow import grow_command
 from ggcnn_net2net.cli.inspect import inspect_command
 from ggcnn_net2net.errors import GGCNNError, ModelFileError
@@ -115,6 +115,7 @@ def test_summary_of_the_published_file(data_root, monkeypatch):
     assert summary.architecture_name == "original"
     assert summary.keras_version == "2.0.8"
     assert summary.parameters == 62_420
+    assert summary.multiplications == ORIGINAL.multiplications(300)
     assert summary.optimizer["n_weights"] == 20
     assert all(item.ok for item in summary.checks)
 
