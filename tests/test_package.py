@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -42,7 +41,5 @@ def test_importing_pybullet_prints_nothing():
 
 
 def test_simulation_workers_start_without_tensorflow():
-    started = time.monotonic()
     loaded = run("import sys, ggcnn_net2net.simulation.benchmark; print(*sys.modules)").split()
     assert not {"tensorflow", "keras", "trimesh", "matplotlib"} & set(loaded)
-    assert time.monotonic() - started < 20

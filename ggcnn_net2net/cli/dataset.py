@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ggcnn_net2net.cli.options import GRIPPER, PROTOCOL, WORKERS, Picture, gripper_of
+from ggcnn_net2net.cli.options import GRIPPER, PROTOCOL, WORKERS, OutputFile, Picture, gripper_of
 
 if TYPE_CHECKING:
     from ggcnn_net2net.datasets.raw import Problem
 
 FOLDER = click.Path(path_type=Path)
-FILE = click.Path(path_type=Path, dir_okay=False)
-OUTPUT = click.option("-o", "--output", required=True, type=FILE, help="File to write.")
+OUTPUT = click.option("-o", "--output", required=True, type=OutputFile(), help="File to write.")
 FORM = click.option(
     "--form", type=click.Choice(["cornell", "jacquard"]), help="What FOLDER holds. [default: by its file names]"
 )

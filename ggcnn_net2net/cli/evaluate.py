@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ggcnn_net2net.cli.options import GRIPPER, OBJECTS, PROTOCOL, SEED, Picture, gripper_of
+from ggcnn_net2net.cli.options import GRIPPER, OBJECTS, PROTOCOL, SEED, OutputFile, Picture, gripper_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,7 +44,7 @@ def evaluate() -> None:
 @PROTOCOL
 @GRIPPER
 @click.option("--picture", type=Picture(), help="Write the phases as a picture.")
-@click.option("--film", type=click.Path(path_type=Path, dir_okay=False), help="Write a film: .gif or .mp4.")
+@click.option("--film", type=OutputFile(), help="Write a film: .gif or .mp4.")
 @click.option("--gui", is_flag=True, help="Show the simulation in a window (needs a display).")
 def grasp(
     model: str,
@@ -188,8 +188,8 @@ def compare(results: Path, first: str, second: str) -> None:
     type=click.IntRange(min=1),
     help="Processes that decode the maps; more than 1 seldom helps. Results do not depend on it.",
 )
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="Write the result as JSON.")
-@click.option("--csv", "csv_path", type=click.Path(path_type=Path, dir_okay=False), help="Write a CSV row an image.")
+@click.option("-o", "--output", type=OutputFile(), help="Write the result as JSON.")
+@click.option("--csv", "csv_path", type=OutputFile(), help="Write a CSV row an image.")
 def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None, csv_path: Path | None) -> None:
     """IoU rate of MODEL (a file, "published" or "zoo:NAME") on DATASET, an HDF5 file of the GG-CNN layout.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ggcnn_net2net.cli.options import Picture
+from ggcnn_net2net.cli.options import OutputFile, Picture
 
 if TYPE_CHECKING:
     import keras
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.command("grow", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("file")
 @click.option("--ops", required=True, help='Operations in order, for example "deeper(3), wider(3)".')
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="File to write.")
+@click.option("-o", "--output", required=True, type=OutputFile(), help="File to write.")
 @click.option("--seed", default=0, show_default=True, help="Seed of the filters that wider replicates.")
 @click.option("--noise", default=0.0, show_default=True, help="Noise that tells the clones of wider apart.")
 @click.option("--draw", type=Picture(), help="Picture of the kernels before and after.")

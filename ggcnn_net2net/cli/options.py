@@ -16,15 +16,29 @@ if TYPE_CHECKING:
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg", ".jpg")
 
 
-class Picture(click.Path):
-    """A picture to write. Another suffix must not come out after minutes, when the picture is due."""
+class OutputFile(click.Path):
+    """A file to write. What is wrong with its name or folder must not come out after the work, when the file is due."""
 
     def __init__(self) -> None:
-        super().__init__(path_type=Path, dir_okay=False)
+        super().__init__(path_type=Path, dir_okay=False, writable=True)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Check the suffix."""
+        """Check the folder; those that are missing are made later."""
         path = Path(str(super().convert(value, param, ctx)))
+        folder = next(parent for parent in path.absolute().parents if parent.exists())
+        if not folder.is_dir():
+            self.fail(f"expected a folder to write {path.name} to, {folder} is a file", param, ctx)
+        if not os.access(folder, os.W_OK):
+            self.fail(f"expected a folder to write {path.name} to, {folder} may not be written to", param, ctx)
+        return path
+
+
+class Picture(OutputFile):
+    """A picture to write."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Check the suffix, too."""
+        path = super().convert(value, param, ctx)
         if path.suffix.lower() not in PICTURE_SUFFIXES:
             self.fail(f"expected a picture, {', '.join(PICTURE_SUFFIXES)}; received {path.name}", param, ctx)
         return path

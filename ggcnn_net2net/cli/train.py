@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ggcnn_net2net.cli.networks import file_of, made_by, open_network
-from ggcnn_net2net.cli.options import PROTOCOL, command_line
+from ggcnn_net2net.cli.options import PROTOCOL, OutputFile, command_line
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -30,7 +30,7 @@ POSITIVE = click.IntRange(min=1)
 @click.command("train", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("network")
 @click.argument("dataset", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="Model to write.")
+@click.option("-o", "--output", required=True, type=OutputFile(), help="Model to write.")
 @click.option("--epochs", default=30, show_default=True, type=POSITIVE, help="Of a stage.")
 @click.option("--ops", help='Grow on the way: operations in order ("deeper(3), wider(3)"), each with a stage after it.')
 @click.option("--repeat", default=1, show_default=True, type=POSITIVE, help="Stages if there is no --ops.")
