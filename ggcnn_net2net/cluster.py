@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 
-from ggcnn_net2net.errors import GGCNNError
+from ggcnn_net2net.errors import ClusterError
 from ggcnn_net2net.parallel import Crash, pack_task, run_task
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class DaskWorkers:
         address: of the scheduler, "tcp://host:8786".
 
     Raises:
-        GGCNNError: `distributed` is not installed, nothing answers at the address, or a worker has several threads.
+        ClusterError: `distributed` is not installed, nothing answers at the address, or a worker has several threads.
     """
 
     def __init__(self, address: str) -> None:
@@ -36,7 +36,7 @@ class DaskWorkers:
     def __enter__(self) -> DaskWorkers:
         try:
             _expect_one_thread(self._client.nthreads())
-        except GGCNNError:
+        except ClusterError:
             self._client.close()
             raise
         return self
@@ -60,7 +60,7 @@ class DaskWorkers:
             Index and result of each input, in the order in which they are done.
 
         Raises:
-            GGCNNError: a worker with several threads, or the scheduler went away.
+            ClusterError: a worker with several threads, or the scheduler went away.
         """
         tasks = {index: pack_task(function, values) for index, values in enumerate(inputs)}
         suspects: dict[int, Crash] = {}
@@ -95,7 +95,9 @@ class DaskWorkers:
         except KilledWorker as error:
             return Crash(None, error.allowed_failures + 1)
         except CancelledError as error:
-            raise GGCNNError(f"the Dask scheduler at {self._address} went away or gave the work up: {error}") from error
+            raise ClusterError(
+                f"the Dask scheduler at {self._address} went away or gave the work up: {error}"
+            ) from error
 
 
 def _connect(address: str) -> Client:
@@ -103,7 +105,7 @@ def _connect(address: str) -> Client:
         from distributed import Client
         from distributed.comm import get_address_host_port
     except ImportError as error:
-        raise GGCNNError(
+        raise ClusterError(
             "expected the package `distributed` for work on a Dask cluster, it is not installed: "
             "pip install 'ggcnn_net2net[distributed]'"
         ) from error
@@ -111,7 +113,7 @@ def _connect(address: str) -> Client:
         get_address_host_port(address, strict=True)  # refuses what a Client tries to connect to for long
         return Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise GGCNNError(
+        raise ClusterError(
             f"expected a Dask scheduler that answers within {_CONNECT_SECONDS} s at an address such as "
             f"tcp://host:8786, received {address!r}: start one with `dask scheduler`, it prints its address ({error})"
         ) from error
@@ -132,11 +134,11 @@ def _expect_one_thread(threads: Mapping[str, int]) -> None:
     TensorFlow's number of threads, and with it the bits of the weights, is one for the whole process.
 
     Raises:
-        GGCNNError: one has several threads.
+        ClusterError: one has several threads.
     """
     for worker, count in threads.items():
         if count != 1:
-            raise GGCNNError(
+            raise ClusterError(
                 f"expected Dask workers with one thread, the one at {worker} has {count}: start them with "
                 "`dask worker ADDRESS --nthreads 1 --nworkers 2`"
             )

@@ -70,6 +70,12 @@ class SimulationError(GGCNNError):
     page = "docs/simulator.md"
 
 
+class GripperError(SimulationError):
+    """A gripper's dimensions that the simulation cannot use."""
+
+    page = "docs/howto/own_gripper.md"
+
+
 class DatasetError(GGCNNError):
     """Grasp data that cannot be read, written or matched to what was asked for."""
 
@@ -86,6 +92,12 @@ class SearchError(GGCNNError):
     """A search that cannot start or go on: settings, or a folder of another search."""
 
     page = "docs/howto/long_searches.md"
+
+
+class ClusterError(GGCNNError):
+    """A Dask cluster that cannot be reached, or cannot do the work."""
+
+    page = "docs/cluster.md"
 
 
 class ResultsError(GGCNNError):

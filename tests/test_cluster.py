@@ -10,7 +10,7 @@ import pytest
 from distributed import LocalCluster
 
 from ggcnn_net2net.cluster import DaskWorkers
-from ggcnn_net2net.errors import GGCNNError
+from ggcnn_net2net.errors import ClusterError, GGCNNError
 from ggcnn_net2net.parallel import Crash
 
 pytestmark = pytest.mark.slow  # a cluster of processes starts, and workers die and come back
@@ -153,16 +153,16 @@ def test_a_lost_scheduler_is_an_error():
         assert next(results) == (0, 0)
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         cluster.close()
-        with pytest.raises(GGCNNError, match=r"scheduler at .* went away"):
+        with pytest.raises(ClusterError, match=r"scheduler at .* went away"):
             next(results)
 
 
 def test_workers_with_several_threads_are_refused():
     with local_cluster(workers=1, threads=2) as cluster:
-        with pytest.raises(GGCNNError, match="--nthreads 1"), DaskWorkers(cluster.scheduler_address):
+        with pytest.raises(ClusterError, match="--nthreads 1"), DaskWorkers(cluster.scheduler_address):
             pass
         late = DaskWorkers(cluster.scheduler_address)  # as if the worker had come after the check
-        with pytest.raises(GGCNNError, match="--nthreads 1"):
+        with pytest.raises(ClusterError, match="--nthreads 1"):
             list(late.run(square, [(1,)]))
         late.__exit__()
 
@@ -170,11 +170,11 @@ def test_workers_with_several_threads_are_refused():
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tcp://127.0.0.1", "nonsense", "no_such_scheme://host:1"])
 def test_an_unreachable_scheduler_is_an_error(address, monkeypatch):
     monkeypatch.setattr("ggcnn_net2net.cluster._CONNECT_SECONDS", 1)
-    with pytest.raises(GGCNNError, match=r"expected a Dask scheduler .* `dask scheduler`"):
+    with pytest.raises(ClusterError, match=r"expected a Dask scheduler .* `dask scheduler`"):
         DaskWorkers(address)
 
 
 def test_the_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(GGCNNError, match=r"pip install 'ggcnn_net2net\[distributed\]'"):
+    with pytest.raises(ClusterError, match=r"pip install 'ggcnn_net2net\[distributed\]'"):
         DaskWorkers("tcp://127.0.0.1:8786")

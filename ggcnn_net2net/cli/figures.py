@@ -175,14 +175,23 @@ def epochs(network: str | None, **options: Any) -> None:
 
 
 @click.command("all", context_settings=HELP, short_help="Table I and all figures.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder, with one for Table I and for each figure in it. [default: results]",
+)
 @NETWORK
 @NETWORKS
 @running
 @click.pass_context
-def everything(context: click.Context, network: str | None, networks: str | None, **options: Any) -> int:
-    """Table I and all figures into results/: from shipped results in minutes, or with --run the whole paper.
+def everything(
+    context: click.Context, output: Path | None, network: str | None, networks: str | None, **options: Any
+) -> int:
+    """Table I and all figures: from shipped results in minutes, or with --run after running all searches again.
 
-    --objects, --poses, --seed, --protocol and --workers hold for Table I, too, which is always run.
+    Table I is that of the zoo's networks in any case. --objects, --poses, --seed, --protocol and --workers hold for
+    it, too.
 
     \b
     Examples:
@@ -199,12 +208,14 @@ def everything(context: click.Context, network: str | None, networks: str | None
         seed=options["seed"],
         protocol_name=options["protocol_name"] or "paper",
         workers=options["workers"] or os.cpu_count() or 1,
+        output=None if output is None else output / "table1",
     )
-    context.invoke(fig1)
-    work = RESULTS / "runs"  # shared: a search that stands in two experiments is run once
+    folder = output or RESULTS
+    context.invoke(fig1, output=folder / "fig1" / "fig1.png")
+    work = folder / "runs"  # shared: a search that stands in two experiments is run once
     for name in ("fig2", "fig3", "epochs"):
         starts = _named(networks) if name == "fig3" else _for_all(name, network)
-        _make(name, starts, output=None, curves=None, work=work, **options)
+        _make(name, starts, folder / name, curves=None, work=work, **options)
     return status
 
 

@@ -40,8 +40,9 @@ def grow_command(file: str, ops: str, output: Path, seed: int, noise: float, dra
     from ggcnn_net2net.quiet import import_tensorflow
 
     import_tensorflow()
-    check_writable(output, source_path(file))
-    model = load_ggcnn(file)
+    path = source_path(file)
+    check_writable(output, path)
+    model = load_ggcnn(path)
     grown = apply_operations(model, ops, seed=seed, noise=noise)
     save_ggcnn(grown, output)
     before, after = model.count_params(), grown.count_params()

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 def inspect_command(file: str, as_json: bool) -> None:
     """Show the architecture, layers, optimizer, lineage and health of model FILE, a path, "published" or "zoo:NAME".
 
-    Reads .hdf5 and .h5 of every Keras from 2.0 on, .keras, and the PyTorch state_dict of the GG-CNN authors. Exit code
-    1 if the file cannot be read or does not hold a working GG-CNN.
+    The column # is a layer's number in operations such as deeper(3). Reads .hdf5 and .h5 of every Keras from 2.0 on,
+    .keras, and the PyTorch state_dict of the GG-CNN authors. Exit code 1 if the file cannot be read or does not hold a
+    working GG-CNN.
 
     \b
     Example: ggcnn-net2net inspect published
@@ -74,12 +75,14 @@ def _layer_table(summary: ModelSummary) -> Table:
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)  # fits a GG-CNN into 80 columns
+    table.add_column("#", justify="right")
     for heading in ("layer", "class"):
         table.add_column(heading, overflow="fold")
     for heading in ("kernel", "filters", "stride", "weights", "max |w|"):
         table.add_column(heading, justify="right")
     for layer in summary.layers:
         table.add_row(
+            str(layer.index or ""),
             layer.name,
             layer.class_name,
             _shape(layer.kernel_size),

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 if TYPE_CHECKING:
     import keras
 
@@ -31,6 +33,7 @@ def open_network(network: str, input_size: int, seed: int) -> tuple[keras.Model,
 
     path = file_of(network)
     if path is None:
+        click.echo(f"{network}: an architecture, with new weights", err=True)
         return build_ggcnn(network, input_size=input_size, seed=seed), network
     return load_ggcnn(path), opened_name(network, path)
 

@@ -121,11 +121,16 @@ def run(
     from ggcnn_net2net.datasets.hdf5 import GraspDataset  # --help must not load what the work needs
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.search import start_search
+    from ggcnn_net2net.search.reuse import differences
 
     cores = os.cpu_count() or 1
     options["threads"] = options["threads"] or (1 if scheduler else max(1, cores // (workers or cores)))
     settings = _settings(**options)
     size = GraspDataset(dataset, "train").shape[0]
+    for other in reuse:
+        differing = differences(settings, dataset, other)
+        if differing:
+            click.echo(f"Nothing can be taken from {other}, it differs in {', '.join(differing)}", err=True)
     import_tensorflow()
     network, name = open_network(model, size, settings.seed)
     _watch(

@@ -79,20 +79,13 @@ def add(
     \b
     Example: ggcnn-net2net zoo add extended.hdf5 extended --results results/pybullet --iou iou.json
     """
-    import json
-
     from ggcnn_net2net import zoo
     from ggcnn_net2net.architecture import architecture_of
-    from ggcnn_net2net.errors import ModelFileError
     from ggcnn_net2net.model_files import load_ggcnn
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reference_data import sha256_of
 
-    source = provenance or model_file.with_suffix(".json")
-    try:
-        facts: dict[str, Any] = json.loads(source.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ModelFileError(f"expected what made the network in {source}, cannot read it: {error}") from error
+    facts = zoo.read_provenance(provenance or model_file.with_suffix(".json"))
     facts |= zoo.measured(sha256_of(model_file), results, iou)
     import_tensorflow()
     if search is not None:

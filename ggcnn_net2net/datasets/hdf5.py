@@ -17,6 +17,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -196,9 +197,13 @@ class GraspDataset:
     def fingerprint(self) -> str:
         """SHA-256 of depth, maps and rectangles of all rows, in hex; kept in the file by `DatasetWriter`.
 
-        For files of others, everything is read to compute it.
+        For files of others, everything is read to compute it, once a process as long as the file stays as it is.
         """
-        return str(self._group.attrs.get("fingerprint") or self.content_hash())
+        kept = self._group.attrs.get("fingerprint")
+        if kept:
+            return str(kept)
+        state = self.path.stat()
+        return _computed_fingerprint(self.path.resolve(), self.split, state.st_size, state.st_mtime_ns)
 
     def content_hash(self) -> str:
         """`fingerprint`, computed from what the file holds now."""
@@ -291,6 +296,12 @@ class GraspDataset:
                     f"received {group[key].shape}"
                 )
         self._group = group
+
+
+@lru_cache
+def _computed_fingerprint(path: Path, split: str, size: int, changed: int) -> str:  # noqa: ARG001
+    """A search asks for it with every candidate; size and time of the change tell another file of the same name."""
+    return GraspDataset(path, split).content_hash()
 
 
 def _hash_row(digest: Any, sample: Sample) -> None:

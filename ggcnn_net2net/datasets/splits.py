@@ -120,7 +120,9 @@ def read_split(path: Path) -> Split:
         sha256 = content.pop("sha256", None)
         split = Split(**{**content, "train": tuple(content["train"]), "test": tuple(content["test"])})
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise DatasetError(f"expected a split file with lists 'train' and 'test' in {path}: {error!r}") from error
+        raise DatasetError(
+            f"expected {' or '.join(BY)}, or a split file with lists 'train' and 'test', received {path}: {error!r}"
+        ) from error
     if sha256 not in (None, split.sha256):
         raise DatasetError(
             f"expected the names in {path} to have the SHA-256 {sha256}, received {split.sha256}: the file was "

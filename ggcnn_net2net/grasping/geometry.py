@@ -40,7 +40,7 @@ def wrap_angle(angle: float) -> float:
     Returns:
         The angle plus a multiple of π.
     """
-    return float((angle + np.pi / 2) % np.pi - np.pi / 2)
+    return float(_wrapped(np.asarray(angle, dtype=np.float64)))
 
 
 def closing_angles(rectangles: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -53,7 +53,12 @@ def closing_angles(rectangles: npt.NDArray[np.float64]) -> npt.NDArray[np.float6
         (n,) radians, counter-clockwise from the column axis.
     """
     start, end = rectangles[:, 0], rectangles[:, 1]
-    return (np.arctan2(start[:, 0] - end[:, 0], end[:, 1] - start[:, 1]) + np.pi / 2) % np.pi - np.pi / 2
+    return _wrapped(np.arctan2(start[:, 0] - end[:, 0], end[:, 1] - start[:, 1]))
+
+
+def _wrapped(angles: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    wrapped = (angles + np.pi / 2) % np.pi - np.pi / 2
+    return np.where(wrapped < np.pi / 2, wrapped, -np.pi / 2)  # just below a multiple of π, % may round up to π
 
 
 def grasp_to_rectangle(grasp: Grasp, jaw_px: float | None = None) -> npt.NDArray[np.float64]:

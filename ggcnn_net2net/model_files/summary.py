@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ggcnn_net2net.architecture import architecture_of
-from ggcnn_net2net.errors import ArchitectureError
+from ggcnn_net2net.errors import ArchitectureError, SurgeryError
 from ggcnn_net2net.model_files.check import output_names, problems
 from ggcnn_net2net.model_files.load import read_model_file, source_path
 from ggcnn_net2net.model_files.published import PUBLISHED_SHA256
@@ -27,11 +27,14 @@ _FILTER_AXIS = {"Conv2D": 3, "Conv2DTranspose": 2}
 class LayerSummary:
     """One layer; kernel size, filters and strides are None where it has none.
 
+    `index` is the paper's number of the layer, by which operations name it; None where none can be applied.
+
     `largest_weight` is the greatest magnitude of its weights, None without weights or with NaN or infinity in them.
     `dead_filters` counts filters whose kernel is all zero, `cloned_filters` those that repeat an earlier one exactly.
     """
 
     name: str
+    index: int | None
     class_name: str
     kernel_size: tuple[int, ...] | None
     filters: int | None
@@ -103,7 +106,8 @@ def model_summary(source: str | Path) -> ModelSummary:
     except ArchitectureError:
         architecture = None
     sha256 = sha256_of(path)
-    layers = tuple(_layer_summary(layer) for layer in model.layers)
+    numbers = _numbers(model)
+    layers = tuple(_layer_summary(layer, numbers.get(layer.name)) for layer in model.layers)
     refused_for = tuple(problems(model))
     height, width = model.inputs[0].shape[1:3]
     return ModelSummary(
@@ -127,13 +131,26 @@ def model_summary(source: str | Path) -> ModelSummary:
     )
 
 
-def _layer_summary(layer: keras.layers.Layer) -> LayerSummary:
+def _numbers(model: keras.Model) -> dict[str, int]:
+    """The paper's number of each layer that it has one for; empty where no surgery is possible."""
+    from ggcnn_net2net.net2net.channels import Channels  # net2net is a later room
+    from ggcnn_net2net.net2net.graph import ModelGraph
+
+    try:
+        expandable = Channels.of(ModelGraph.of(model)).expandable
+    except SurgeryError:
+        return {}
+    return {name: number for number, name in enumerate(expandable, start=1)}
+
+
+def _layer_summary(layer: keras.layers.Layer, index: int | None) -> LayerSummary:
     weights = [weight.numpy() for weight in layer.weights]
     largest = max((float(np.abs(array).max()) for array in weights if array.size), default=float("nan"))
     finite = all(np.isfinite(array).all() for array in weights)
     dead, clones = _dead_and_cloned(type(layer).__name__, weights)
     return LayerSummary(
         name=layer.name,
+        index=index,
         class_name=type(layer).__name__,
         kernel_size=_pair(layer, "kernel_size"),
         filters=getattr(layer, "filters", None),

@@ -114,12 +114,13 @@ class RecordFile:
         """
         if not self.path.is_file():
             return []
-        lines = self.path.read_text(encoding="utf-8").splitlines(keepends=True)
-        if lines and not lines[-1].endswith("\n"):
-            lines.pop()
-        rows = list(csv.reader(lines))
+        content = self.path.read_bytes()
+        whole = content[: content.rfind(b"\n") + 1].decode("utf-8")
+        rows = list(csv.reader(io.StringIO(whole, newline="")))
         if not rows:
             return []
+        if len(rows) > 1 and len(rows[-1]) < len(COLUMNS):  # torn within a name that has a line break
+            rows.pop()
         if tuple(rows[0]) != COLUMNS:
             raise ResultsError(
                 f"expected the columns {', '.join(COLUMNS)} in {self.path}, received {', '.join(rows[0])}: it was "
@@ -138,7 +139,7 @@ class RecordFile:
 
     def append(self, record: GraspRecord) -> None:
         """Add one record and make sure that it is on the disk."""
-        with self.path.open("a", encoding="utf-8") as stream:
+        with self.path.open("a", encoding="utf-8", newline="") as stream:
             stream.write(_format([_values(record)]))
             stream.flush()
             os.fsync(stream.fileno())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from ggcnn_net2net.atomic import replacing
+from ggcnn_net2net.datasets.hdf5 import GraspDataset
 from ggcnn_net2net.search.journal import JOURNAL_FILE, Event, read_events
+from ggcnn_net2net.search.settings import SearchSettings
 from ggcnn_net2net.search.trainer import Job, model_file
 
 _OF_THE_WAY = ("beam", "max_parameters", "retrain", "max_failures")
@@ -63,12 +66,48 @@ class TrainedElsewhere:
         return {**known.event, "taken_from": str(known.directory)}
 
 
+def differences(settings: SearchSettings, dataset: Path, directory: Path) -> list[str]:
+    """Why nothing can be taken from a search.
+
+    Args:
+        settings: of the search that would take.
+        dataset: that it would train and score on.
+        directory: folder of the other.
+
+    Returns:
+        Names of what differs and matters to a candidate, such as "recipe.images_per_epoch" or "train images"; none
+        also where there is no search.
+    """
+    events = read_events(directory / JOURNAL_FILE)
+    if not events:
+        return []
+    begun = events[0]
+    plain = json.loads(json.dumps(settings.as_dict()))  # as the journal holds it
+    own, other = (_flat(_what_comes_of(values)) for values in (plain, begun["settings"]))
+    differing = sorted(name for name in own.keys() | other.keys() if own.get(name) != other.get(name))
+    splits = ("train", "test")
+    return differing + [
+        f"{split} images" for split in splits if GraspDataset(dataset, split).fingerprint != begun["data"][split]
+    ]
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """{"recipe.epochs": 2, ...} of nested settings."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value}
+    return flat
+
+
 def _versions_are(versions: dict[str, str], events: Iterable[Event]) -> bool:
     """Whether a search, resumed or not, has always run with these."""
     return all(event["versions"] == versions for event in events if "versions" in event)
 
 
 def _what_matters(begun: Event) -> dict[str, Any]:
-    settings = {name: value for name, value in begun["settings"].items() if name not in _OF_THE_WAY}
     data = {split: begun["data"][split] for split in ("train", "test")}
-    return {"settings": settings, "data": data}
+    return {"settings": _what_comes_of(begun["settings"]), "data": data}
+
+
+def _what_comes_of(settings: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in settings.items() if name not in _OF_THE_WAY}

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from ggcnn_net2net.errors import SimulationError
+from ggcnn_net2net.errors import GripperError
 
 POSE_CHAIN = (
     ("x", "prismatic", "1 0 0"),
@@ -40,7 +40,7 @@ class GripperSpec:
     """Dimensions in metres, masses in kg, forces in N and speeds in m/s or rad/s. The defaults are the paper's.
 
     Raises:
-        SimulationError: a value that is not positive, or one with which no trial can succeed.
+        GripperError: a value that is not positive, or one with which no trial can succeed.
     """
 
     palm: tuple[float, float, float] = (0.32, 0.02, 0.01)
@@ -69,11 +69,11 @@ class GripperSpec:
             numbers = value if is_palm and isinstance(value, tuple) else (value,)
             if len(numbers) != (3 if is_palm else 1) or not all(map(_is_positive, numbers)):
                 expected = "three positive numbers" if is_palm else "a positive number"
-                raise SimulationError(f"expected {expected} for a gripper's {name}, received {value!r}")
+                raise GripperError(f"expected {expected} for a gripper's {name}, received {value!r}")
             if name in _LENGTHS and max(numbers) > 1:
-                raise SimulationError(f"expected a gripper's {name} in metres, at most 1, received {value!r}")
+                raise GripperError(f"expected a gripper's {name} in metres, at most 1, received {value!r}")
         if self.reach > _LONGEST_REACH:
-            raise SimulationError(
+            raise GripperError(
                 f"expected a gripper that reaches at most {_LONGEST_REACH} m down from its palm's centre, received "
                 f"{self.reach:.3g} m: half of the palm's {self.palm[2]} and finger_length {self.finger_length}"
             )
@@ -84,7 +84,7 @@ class GripperSpec:
         }
         for name, speed in slowest.items():
             if (received := getattr(self, name)) < speed - 1e-9:
-                raise SimulationError(
+                raise GripperError(
                     f"expected a gripper's {name} of {speed:.3g} or more, so that its moves end in the protocol's time "
                     f"({MOVE_TIME} s, jaws {JAW_TIME} s), received {received}"
                 )
@@ -100,12 +100,12 @@ class GripperSpec:
             The gripper.
 
         Raises:
-            SimulationError: no such field, or values that cannot be used.
+            GripperError: no such field, or values that cannot be used.
         """
         known = [field.name for field in fields(cls)]
         unknown = [name for name in values if name not in known]
         if unknown:
-            raise SimulationError(f"expected a gripper's {', '.join(known)}, received {', '.join(map(str, unknown))}")
+            raise GripperError(f"expected a gripper's {', '.join(known)}, received {', '.join(map(str, unknown))}")
         own: dict[str, Any] = {name: tuple(it) if isinstance(it, list) else it for name, it in values.items()}
         return cls(**own)
 
@@ -155,14 +155,14 @@ def load_gripper(path: Path) -> GripperSpec:
         The gripper.
 
     Raises:
-        SimulationError: a file that cannot be read, an unknown key, or values that cannot be used.
+        GripperError: a file that cannot be read, an unknown key, or values that cannot be used.
     """
     try:
         return GripperSpec.from_dict(tomllib.loads(Path(path).read_text(encoding="utf-8")))
     except (OSError, ValueError) as error:
-        raise SimulationError(f"expected a TOML file that describes a gripper, cannot read {path}: {error}") from error
-    except SimulationError as error:
-        raise SimulationError(f"{error}; correct it in {path}") from error
+        raise GripperError(f"expected a TOML file that describes a gripper, cannot read {path}: {error}") from error
+    except GripperError as error:
+        raise GripperError(f"{error}; correct it in {path}") from error
 
 
 def _link(

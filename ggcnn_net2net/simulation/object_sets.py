@@ -68,6 +68,21 @@ class ObjectSet:
     name: str
     objects: tuple[ObjectModel, ...]
 
+    def __post_init__(self) -> None:
+        """Refuse two objects of one name, by which scenes and results are kept, and names that no table can show."""
+        names = [model.name for model in self.objects]
+        for text in (*names, *(model.category for model in self.objects)):
+            if not text.isprintable():
+                raise ObjectSetError(
+                    f"expected names and categories of printable characters in the set {self.name}, received {text!r}"
+                )
+        repeated = sorted({name for name in names if names.count(name) > 1})
+        if repeated:
+            raise ObjectSetError(
+                f"expected objects with different names in the set {self.name}, received more than one "
+                f"{', '.join(repeated)}: copy the mesh under another name"
+            )
+
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 over all names, meshes, scales and centres: equal sets give equal scenes."""

@@ -3,7 +3,7 @@
 `load_ggcnn("zoo:NAME")`, and every command that takes a model file, open them.
 """
 
-from ggcnn_net2net.zoo.adding import MAX_BYTES, REQUIRED_FIELDS, add
+from ggcnn_net2net.zoo.adding import MAX_BYTES, REQUIRED_FIELDS, add, read_provenance
 from ggcnn_net2net.zoo.files import PREFIX, STAND_IN, StandInWarning, names, network_file, provenance
 from ggcnn_net2net.zoo.measured import MEASURED, measured
 from ggcnn_net2net.zoo.searched import searched
@@ -20,5 +20,6 @@ __all__ = [
     "names",
     "network_file",
     "provenance",
+    "read_provenance",
     "searched",
 ]

@@ -12,6 +12,7 @@ from ggcnn_net2net.atomic import replacing, write_text
 from ggcnn_net2net.errors import ModelFileError, VerificationError
 from ggcnn_net2net.reference_data import sha256_of
 from ggcnn_net2net.zoo import files
+from ggcnn_net2net.zoo.measured import MEASURED
 
 MAX_BYTES = 400_000
 """Largest file of the zoo."""
@@ -56,7 +57,7 @@ def add(model_file: Path, provenance: Path | Mapping[str, Any], name: str, folde
     Args:
         model_file: the network, in any format that `load_ggcnn` reads.
         provenance: what made it, as `ggcnn-net2net train` writes it in OUTPUT.json: a file or its content. It must have
-            `REQUIRED_FIELDS`, and may have more, such as results; all of it is kept.
+            `REQUIRED_FIELDS`, and may have more, such as what `measured` returns; all of it is kept.
         name: of lower case letters, digits and underscores.
         folder: where to; the package's zoo unless told.
 
@@ -75,7 +76,7 @@ def add(model_file: Path, provenance: Path | Mapping[str, Any], name: str, folde
 
     if not _NAME.fullmatch(name):
         raise ModelFileError(f"expected a name of lower case letters, digits and underscores, received {name!r}")
-    facts = _read(provenance)
+    facts = dict(provenance) if isinstance(provenance, Mapping) else read_provenance(provenance)
     problems = list(_problems(facts))
     if problems:
         raise ModelFileError(f"expected a complete provenance of {model_file}, it lacks: {'; '.join(problems)}")
@@ -106,9 +107,18 @@ def add(model_file: Path, provenance: Path | Mapping[str, Any], name: str, folde
     return target
 
 
-def _read(provenance: Path | Mapping[str, Any]) -> dict[str, Any]:
-    if isinstance(provenance, Mapping):
-        return dict(provenance)
+def read_provenance(provenance: Path) -> dict[str, Any]:
+    """What made a network, from a file of `ggcnn-net2net train`.
+
+    Args:
+        provenance: the .json beside the model file.
+
+    Returns:
+        Its content, complete or not.
+
+    Raises:
+        ModelFileError: no such file, or no JSON object in it.
+    """
     try:
         return dict(json.loads(Path(provenance).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
@@ -125,3 +135,7 @@ def _problems(facts: Mapping[str, Any]) -> Iterator[str]:
             value = value.get(key) if isinstance(value, Mapping) else None
         if not is_good(value):
             yield f"{place} ({expected}), received {value!r}"
+    for name in MEASURED:
+        entries = facts.get(name, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
+            yield f"{name} (entries as zoo.measured returns them), received {entries!r}"

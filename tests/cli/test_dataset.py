@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from ggcnn_net2net.cli.dataset import dataset
-from ggcnn_net2net.errors import DatasetError, SimulationError
+from ggcnn_net2net.errors import DatasetError, GripperError
 
 
 def call(*arguments):
@@ -71,7 +71,7 @@ def test_scenes_for_a_gripper(tmp_path):
     with pytest.raises(DatasetError, match="differs in gripper"):
         call(*arguments)
     gripper.write_text("max_opening = 80\n")
-    with pytest.raises(SimulationError, match=r"metres.*small\.toml"):
+    with pytest.raises(GripperError, match=r"metres.*small\.toml"):
         call(*arguments, "--gripper", gripper)
 
 

@@ -185,3 +185,20 @@ def test_the_journal_says_how_it_was_started(searched):
     assert event["command"].startswith("ggcnn-net2net")
     assert event["network"] == ARCHITECTURE
     assert event["versions"]["keras"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [((), ""), (("--budget", "quick"), "it differs in recipe.images_per_epoch, score_images\n")],
+)
+def test_a_search_of_which_nothing_can_be_taken_is_named(searched, dataset, tmp_path, monkeypatch, options, told):
+    def stop(*_, **__):
+        raise SearchError("not in this test")
+
+    monkeypatch.setattr("ggcnn_net2net.search.start_search", stop)
+    arguments = (ARCHITECTURE, dataset, "-o", tmp_path / "second", *SMALL, "--reuse", searched[0], *options)
+    result = CliRunner().invoke(search_command, [str(part) for part in arguments], standalone_mode=False)
+    assert isinstance(result.exception, SearchError)
+    assert result.stderr.endswith(f"{told}{ARCHITECTURE}: an architecture, with new weights\n")
+    assert result.stderr.startswith(f"Nothing can be taken from {searched[0]}, " if told else ARCHITECTURE)

@@ -1,3 +1,4 @@
+import os
 import pickle
 from dataclasses import replace
 
@@ -221,3 +222,17 @@ def test_damaged_images_are_named(tmp_path, samples):
     path.write_bytes(content)
     with pytest.raises(DatasetError, match=r"row 1 .*make the file anew"):
         GraspDataset(path, "train").batch([1])
+
+
+def test_the_content_of_a_file_of_others_is_hashed_once(tmp_path, samples, monkeypatch):
+    path = write_as_the_public_code(tmp_path / "public.h5", samples[:2])
+    expected = GraspDataset(path, "train").content_hash()
+    hashed = []
+    compute = GraspDataset.content_hash
+    monkeypatch.setattr(GraspDataset, "content_hash", lambda self: hashed.append(self.split) or compute(self))
+    assert [GraspDataset(path, "train").fingerprint for _ in range(3)] == [expected] * 3
+    assert hashed == ["train"]
+    with h5py.File(path, "r+") as file:
+        file["train/depth_inpainted"][0, 0, 0] += 0.5
+    os.utime(path, ns=(1, 1))  # whatever the clock's resolution
+    assert GraspDataset(path, "train").fingerprint != expected

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ggcnn_net2net.architecture import ORIGINAL, architecture_of
+from ggcnn_net2net.architecture import ORIGINAL, architecture_of, build_ggcnn
 from ggcnn_net2net.cli.grow import grow_command
 from ggcnn_net2net.cli.inspect import inspect_command
 from ggcnn_net2net.errors import GGCNNError, ModelFileError
@@ -126,6 +126,16 @@ def test_inspect_prints_all(small, tmp_path):
                  "Conv2DTranspose", "2.2.4", "none stored", "operation=deeper(2)", "no dead filters"):  # fmt: skip
         assert text in result.output
     assert max(map(len, result.output.splitlines()[9:22])) <= 80
+
+
+def test_layers_have_the_numbers_of_operations(tmp_path):
+    path = save_ggcnn(build_ggcnn("C9x9x3s3_C5x5x2_T3x3x2_T9x9x3s3", input_size=36, seed=0), tmp_path / "small.h5")
+    numbers = {layer.name: layer.index for layer in model_summary(path).layers if layer.index is not None}
+    assert numbers == {"conv2d_1": 1, "conv2d_2": 2, "conv2d_transpose_1": 3, "conv2d_transpose_2": 4}
+    rows = [line.split() for line in run(inspect_command, path).output.splitlines()]
+    assert [row[:2] for row in rows if row[:1] and row[0] in "1234"] == [
+        [str(number), name] for name, number in numbers.items()
+    ]
 
 
 def test_inspect_json(small, tmp_path):

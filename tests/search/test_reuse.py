@@ -15,6 +15,7 @@ from ggcnn_net2net.errors import SearchError
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.search import SearchSettings, resume_search, start_search
 from ggcnn_net2net.search.journal import read_events
+from ggcnn_net2net.search.reuse import differences
 from ggcnn_net2net.training import Recipe
 
 FIRST = SearchSettings(width=2, depth=3, recipe=Recipe(epochs=2, protocol=CORRECTED), score_images=4)
@@ -146,3 +147,13 @@ def test_folders_without_a_search_and_settings_that_need_more_are_refused(search
         with pytest.raises(SearchError, match="leave `reuse` out"):
             search("third", settings, reuse=[first])
     assert not (tmp_path / "third" / "journal.jsonl").exists()
+
+
+def test_what_differs_is_named(search, dataset, tmp_path):
+    _, _, first = search("first")
+    assert differences(replace(WIDER, max_parameters=1500), dataset, first) == []
+    other = replace(FIRST, score_images=3, recipe=replace(FIRST.recipe, images_per_epoch=8, protocol=PAPER))
+    found = differences(other, write_dataset(tmp_path / "other.h5", train=11), first)
+    assert {"recipe.images_per_epoch", "recipe.protocol.name", "score_images", "train images"} <= set(found)
+    assert not {"width", "beam.width", "recipe.epochs"} & set(found)
+    assert differences(FIRST, dataset, tmp_path / "none") == []

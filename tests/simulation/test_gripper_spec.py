@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ggcnn_net2net.errors import SimulationError
+from ggcnn_net2net.errors import GripperError
 from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec, load_gripper
 
 SMALL = """
@@ -68,16 +68,16 @@ def test_every_field_can_be_set(toml):
     ],
 )
 def test_what_cannot_be_used_is_told_with_the_file(toml, text, told):
-    with pytest.raises(SimulationError, match=told) as caught:
+    with pytest.raises(GripperError, match=told) as caught:
         load_gripper(toml(text))
     assert "gripper.toml" in str(caught.value)
 
 
 def test_a_file_that_is_not_there_or_no_text(tmp_path):
-    with pytest.raises(SimulationError, match=r"cannot read .*nowhere\.toml"):
+    with pytest.raises(GripperError, match=r"cannot read .*nowhere\.toml"):
         load_gripper(tmp_path / "nowhere.toml")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe")
-    with pytest.raises(SimulationError, match="cannot read"):
+    with pytest.raises(GripperError, match="cannot read"):
         load_gripper(tmp_path / "binary.toml")
 
 

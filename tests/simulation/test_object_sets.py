@@ -126,3 +126,18 @@ def test_ycb40_that_cannot_be_had_says_how_to_get_it(cache, monkeypatch):
         load_object_set("ycb40")
     for part in (str(cache), "127.0.0.1:9", "ggcnn-net2net objects ycb40"):
         assert part in str(caught.value)
+
+
+def test_a_category_of_two_lines_is_refused(tmp_path):
+    write_obj(tmp_path / "mug_vhacd.obj", [box((0.1, 0.1, 0.1))])
+    (tmp_path / "objects.csv").write_text('name,category\nmug,"one\ntwo"\n')
+    with pytest.raises(ObjectSetError, match=r"printable characters .* 'one\\ntwo'"):
+        load_object_set(str(tmp_path))
+
+
+def test_objects_of_one_name_are_refused(tmp_path):
+    """Scenes and results are kept by name, so one of the two would be lost."""
+    write_obj(tmp_path / "mug_vhacd.obj", [box((0.1, 0.1, 0.1))])
+    (tmp_path / "objects.csv").write_text("name,longest_side\nmug,0.1\nmug,0.2\n")
+    with pytest.raises(ObjectSetError, match="different names .* more than one mug"):
+        load_object_set(str(tmp_path))

@@ -30,8 +30,8 @@ def test_what_the_train_command_writes_is_accepted_as_it_is(trained, tmp_path):
 
 def test_results_are_added_later(trained, facts, empty_zoo):
     zoo.add(trained, facts, "mine")
-    zoo.add(zoo.network_file("mine"), {**zoo.provenance("mine"), "sim": {"rate": 0.9}}, "mine")
-    assert zoo.provenance("mine")["sim"] == {"rate": 0.9}
+    zoo.add(zoo.network_file("mine"), {**zoo.provenance("mine"), "sim": [{"rate": 0.9}]}, "mine")
+    assert zoo.provenance("mine")["sim"] == [{"rate": 0.9}]
     assert zoo.provenance("mine")["trained_sha256"] == facts["model_sha256"]
     assert zoo.network_file("mine").is_file()
 
