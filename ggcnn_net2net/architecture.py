@@ -226,7 +226,8 @@ def architecture_of(model: keras.Model) -> Architecture:
         Its `Architecture`; `str()` of it is the paper's notation.
 
     Raises:
-        ArchitectureError: the model has other layers, or is not a chain with the four heads at its end.
+        ArchitectureError: the model has other layers, or layers that are not as in a GG-CNN, or is not a chain with
+            the four heads at its end.
     """
     by_class = {name: kind for kind, name in _KERAS_CLASSES.items()}
     layers = []
@@ -255,7 +256,29 @@ def architecture_of(model: keras.Model) -> Architecture:
                 f"expected all layers in a row before each head, received a network with branches, {model.name!r}: the "
                 "notation cannot express it"
             )
+    for layer in model.layers:
+        if layer.name in HEADS:
+            _check_convolution(layer, kernel_size=HEAD_KERNEL_SIZE)
+        elif type(layer).__name__ in by_class:
+            _check_convolution(layer, activation="relu")
     return Architecture(tuple(layers))
+
+
+def _check_convolution(layer: keras.layers.Layer, **expected: Any) -> None:
+    """Refuse a layer that the notation would take for another.
+
+    Raises:
+        ArchitectureError: no bias, groups, or another activation or kernel size than expected.
+    """
+    config = layer.get_config()
+    for name, value in {"use_bias": True, "groups": 1, **expected}.items():
+        received = config.get(name, value)  # a Conv2DTranspose has no groups
+        received = tuple(received) if isinstance(received, list) else received
+        if received != value:
+            raise ArchitectureError(
+                f"expected {name} {value!r} in a GG-CNN, received {received!r} in {layer.name!r}: the notation cannot "
+                "express it"
+            )
 
 
 def _layers_before(output: keras.KerasTensor) -> list[str]:

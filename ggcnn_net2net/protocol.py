@@ -68,6 +68,10 @@ class Protocol:
     """Whether the last lookahead, of one level, chooses the last entry of the beam instead of the best: of children
     that score 5, 9 and 7 the published code takes the 5."""
 
+    def __post_init__(self) -> None:
+        if self.object_centre not in ("vertex_mean", "volume"):
+            raise GGCNNError(f"expected object_centre 'vertex_mean' or 'volume', received {self.object_centre!r}")
+
     def as_dict(self) -> dict[str, Any]:
         """Field names and values, for result files."""
         return asdict(self)

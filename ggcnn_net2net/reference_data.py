@@ -12,6 +12,7 @@ from pathlib import Path
 
 import platformdirs
 import requests
+from filelock import FileLock
 from rich.progress import (
     BarColumn,
     DownloadColumn,
@@ -78,6 +79,8 @@ def verify(path: Path, sha256: str) -> Path:
 def download(url: str, target: Path, sha256: str | None = None) -> Path:
     """Fetch `url` into `target` with a progress bar; a transfer that was cut off goes on where it stopped.
 
+    One process at a time does; others that want the same file wait for it.
+
     Args:
         url: address of the file.
         target: where it goes, once it is complete and verified. Until then the bytes are in `target` + ".part".
@@ -87,12 +90,20 @@ def download(url: str, target: Path, sha256: str | None = None) -> Path:
         DataNotFoundError: no network, the server does not have it, or it cannot be written to `target`.
         VerificationError: the content is not the expected one; nothing is left behind.
     """
-    part = target.with_name(target.name + ".part")
+    replaces = target.exists()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        _transfer(url, part)
+        with FileLock(target.with_name(f".{target.name}.lock")):
+            if replaces or not target.exists():  # else another process has fetched it meanwhile
+                _fetch(url, target, sha256)
     except OSError as error:  # requests' errors are of this kind, too
         raise DataNotFoundError(f"cannot download {url}: {error}") from error
+    return target
+
+
+def _fetch(url: str, target: Path, sha256: str | None) -> None:
+    part = target.with_name(target.name + ".part")
+    _transfer(url, part)
     try:
         if sha256 is not None:
             verify(part, sha256)
@@ -100,13 +111,14 @@ def download(url: str, target: Path, sha256: str | None = None) -> Path:
         part.unlink()
         raise
     part.replace(target)
-    return target
 
 
 def _transfer(url: str, part: Path) -> None:
     """Append to `part` what is missing of `url`, or start over where the server cannot continue."""
     offset = part.stat().st_size if part.exists() else 0
-    headers = {"Range": f"bytes={offset}-"} if offset else {}
+    headers = {"Accept-Encoding": "identity"}  # the bytes of the file, of which a part can be asked for
+    if offset:
+        headers["Range"] = f"bytes={offset}-"
     with requests.get(url, headers=headers, stream=True, timeout=_TIMEOUT) as response:
         if response.status_code == requests.codes.requested_range_not_satisfiable:
             return  # every byte is there already

@@ -126,3 +126,21 @@ def test_branches_have_no_notation():
     ]
     with pytest.raises(ArchitectureError, match="in a row"):
         architecture_of(keras.Model(inputs, mixed))
+
+
+@pytest.mark.parametrize(
+    ("layer", "setting", "told"),
+    [
+        (1, {"activation": "sigmoid"}, "activation 'relu' .* 'sigmoid' in 'conv2d_1'"),
+        (1, {"use_bias": False}, "use_bias True .* False in 'conv2d_1'"),
+        (1, {"groups": 2}, "groups 1 .* 2"),
+        (-1, {"kernel_size": (3, 3)}, r"kernel_size \(2, 2\) .* \(3, 3\) in 'width_out'"),
+    ],
+)
+def test_settings_that_the_notation_does_not_tell(layer, setting, told):
+    import keras
+
+    config = build_ggcnn("C3x3x4s1_C3x3x4s1", input_size=12).get_config()
+    config["layers"][layer + (layer > 0 and "groups" in setting)]["config"] |= setting
+    with pytest.raises(ArchitectureError, match=told):
+        architecture_of(keras.Model.from_config(config))

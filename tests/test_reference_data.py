@@ -8,6 +8,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -71,7 +72,8 @@ def target(tmp_path) -> Path:
 
 
 def files_below(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.rglob("*") if path.is_file())
+    """All but the lock of a download, which stays."""
+    return sorted(path.name for path in folder.rglob("*") if path.is_file() and path.suffix != ".lock")
 
 
 def closed_port() -> int:
@@ -130,6 +132,18 @@ class TestDownload:
         assert target.read_bytes() == CONTENT
         assert files_below(target.parent) == ["weights.bin"]
         assert server.requested == [None]
+
+    def test_two_at_a_time_do_not_mix(self, server, target):
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(lambda _: reference_data.download(server.url, target, SHA256), range(2)))
+        assert target.read_bytes() == CONTENT
+        assert server.requested == [None]
+
+    def test_what_is_there_is_replaced(self, server, target):
+        target.parent.mkdir()
+        target.write_bytes(b"old")
+        reference_data.download(server.url, target, SHA256)
+        assert target.read_bytes() == CONTENT
 
     def test_without_a_known_hash(self, server, target):
         reference_data.download(server.url, target)

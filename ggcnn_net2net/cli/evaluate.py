@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ggcnn_net2net.cli.options import GRIPPER, OBJECTS, PROTOCOL, SEED, OutputFile, Picture, gripper_of
+from ggcnn_net2net.versions import versions
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -63,10 +64,6 @@ def grasp(
     \b
     Example: ggcnn-net2net evaluate grasp published --object hammer --picture hammer.png --film hammer.gif
     """
-    from dataclasses import replace
-
-    from ggcnn_net2net.errors import ObjectSetError
-    from ggcnn_net2net.grasping import RSS_2018
     from ggcnn_net2net.inference import predict_grasps
     from ggcnn_net2net.model_files import load_ggcnn
     from ggcnn_net2net.protocol import protocol_named
@@ -74,6 +71,7 @@ def grasp(
     from ggcnn_net2net.simulation.object_sets import load_object_set
     from ggcnn_net2net.simulation.pictures import Film, save_strips, show_trial, trial_strip
     from ggcnn_net2net.simulation.scenes import make_scene
+    from ggcnn_net2net.simulation.trial import decoding_of
     from ggcnn_net2net.simulation.world import World
 
     gripper = gripper_of(gripper_file)
@@ -81,15 +79,11 @@ def grasp(
     recording = Film(film) if film is not None else None
     protocol = protocol_named(protocol_name)
     objects = load_object_set(objects_spec, protocol)
-    chosen = next((item for item in objects.objects if item.name == object_name), None)
-    if chosen is None:
-        names = ", ".join(item.name for item in objects.objects)
-        raise ObjectSetError(f"expected one of the objects {names}; received {object_name!r}")
+    chosen = objects.named(object_name)
     network = load_ggcnn(model)
     with World() as world:
         scene = make_scene(world, chosen, pose, seed)
-        decoding = replace(RSS_2018, angle_window=protocol.sim_angle_window)
-        (found,) = predict_grasps(network, scene.depth[None], decoding)
+        (found,) = predict_grasps(network, scene.depth[None], decoding_of(protocol))
         if recording is not None:
             recording.watch(world)
         strip, result = trial_strip(world, scene, found, protocol, gripper)
@@ -212,7 +206,6 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
     from ggcnn_net2net.protocol import CORRECTED, PAPER
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reference_data import sha256_of
-    from ggcnn_net2net.reproduce.results import versions
 
     import_tensorflow()
     path = source_path(model)

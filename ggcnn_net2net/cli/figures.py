@@ -101,7 +101,7 @@ def fig1(
     \b
     Example: python -m ggcnn_net2net.reproduce fig1 --model my_network.hdf5 --object mug -o mug.png
     """
-    from ggcnn_net2net.errors import ObjectSetError, ResultsError
+    from ggcnn_net2net.errors import ResultsError
     from ggcnn_net2net.protocol import protocol_named
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reproduce.fig1 import draw, predict
@@ -111,10 +111,7 @@ def fig1(
     import_tensorflow()
     protocol = protocol_named(protocol_name)
     objects = load_object_set(objects_spec, protocol)
-    chosen = next((item for item in objects.objects if item.name == object_name), None)
-    if chosen is None:
-        names = ", ".join(item.name for item in objects.objects)
-        raise ObjectSetError(f"expected --object to be one of {names}; received {object_name!r}")
+    chosen = objects.named(object_name)
     (network,) = load_networks([model])
     if network.model is None:
         raise ResultsError(f"expected a network with weights, {network.name} has none: {network.note}")

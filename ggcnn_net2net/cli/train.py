@@ -13,6 +13,7 @@ import click
 
 from ggcnn_net2net.cli.networks import file_of, made_by, open_network
 from ggcnn_net2net.cli.options import PROTOCOL, OutputFile, command_line
+from ggcnn_net2net.versions import versions
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -109,7 +110,9 @@ def train_command(
     if ops is not None and repeat > 1:
         raise click.UsageError("expected --ops or --repeat, received both: the operations are the stages")
     operations = [None] * repeat if ops is None else parse_operations(ops)
-    check_writable(output, dataset, file_of(network))
+    source = file_of(network)
+    check_writable(output, dataset, source)
+    _keep_record(output, source)
     stored = GraspDataset(dataset, "train")
     data = stored if scenes is None else _fresh_augmentations(stored, scenes)
     recipe = Recipe(
@@ -154,6 +157,19 @@ def train_command(
     click.echo(f"written to {output}, with .csv, .png and .json beside it")
 
 
+def _keep_record(output: Path, source: Path | None) -> None:
+    """Refuse to write over the record of the network that the training starts from: what lies beside it."""
+    from ggcnn_net2net.errors import ModelFileError
+
+    if source is None or not source.with_suffix(".json").exists():
+        return
+    if source.resolve().with_suffix("") == output.resolve().with_suffix(""):
+        raise ModelFileError(
+            f"expected another name than that of the network, whose record {source.with_suffix('.json')} would be "
+            f"lost, received {str(output)!r}"
+        )
+
+
 def _fresh_augmentations(stored: GraspDataset, folder: Path) -> FreshAugmentations:
     """New samples of the scenes in a dataset, with its augmentation and seed; epoch 0 is what the dataset holds."""
     from ggcnn_net2net.datasets.augmentation import Augmentation
@@ -164,7 +180,12 @@ def _fresh_augmentations(stored: GraspDataset, folder: Path) -> FreshAugmentatio
     names = set(stored.image_ids)
     found = open_scenes(folder, depth=stored.attributes.get("depth", "perfect")).only(names)
     settings = stored.attributes.get("augmentation")
-    if len(found) != len(names) or not settings:
+    if not settings:
+        raise DatasetError(
+            f"expected a file of `dataset build`, which holds how its samples were drawn, received {stored.path} "
+            "without: leave --fresh-from out, or build the file anew"
+        )
+    if len(found) != len(names):
         raise DatasetError(
             f"expected {stored.path} to be made by `dataset build` of {folder}, received one of {len(names)} scenes, "
             f"{len(found)} of which are in the folder"
@@ -215,7 +236,6 @@ def _write_records(
 
     from ggcnn_net2net.atomic import write_text
     from ggcnn_net2net.reference_data import sha256_of
-    from ggcnn_net2net.reproduce.results import versions
     from ggcnn_net2net.training.report import write_curves, write_history
     from ggcnn_net2net.training.stages import write_stage_curves
 

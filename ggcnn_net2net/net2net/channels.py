@@ -60,7 +60,7 @@ class Channels:
         """
         if layer in self.expandable:
             return str(layer)
-        if isinstance(layer, int) and 1 <= layer <= len(self.expandable):
+        if isinstance(layer, int | np.integer) and 1 <= layer <= len(self.expandable):
             return self.expandable[layer - 1]
         problem = "does not exist"
         if layer in self.groups:

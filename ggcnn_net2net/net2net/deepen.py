@@ -138,6 +138,7 @@ def _as_identity(config: Config, kernel_size: tuple[int, ...]) -> Config:
         "dilation_rate": (1, 1),
         "padding": "same",
         "output_padding": None,
+        "trainable": True,  # behind a frozen layer, too, or it could never become more than the identity
     }
     return {key: value for key, value in wanted.items() if key in config}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.gripper import Gripper
 from ggcnn_net2net.simulation.object_sets import ObjectModel
 from ggcnn_net2net.simulation.scenes import Scene, make_scene
-from ggcnn_net2net.simulation.trial import run_trial, world_grasp
+from ggcnn_net2net.simulation.trial import decoding_of, run_trial, world_grasp
 from ggcnn_net2net.simulation.world import Bin, World
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def predict(model: keras.Model, item: ObjectModel, pose: int, seed: int, protoco
     with World() as world:
         scene = make_scene(world, item, pose, seed)
         ((quality, cos, sin, width),) = predict_maps(model, [scene.depth - scene.depth.mean()])
-        decoding = replace(RSS_2018, angle_window=protocol.sim_angle_window)
+        decoding = decoding_of(protocol)
         found = decode_maps(quality, cos, sin, width, decoding=decoding)
         grasp = found[0] if found else None
         outcome = run_trial(world, scene, grasp, protocol).outcome.value

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import platform
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from ggcnn_net2net import __version__
 from ggcnn_net2net.atomic import write_text
 from ggcnn_net2net.errors import ResultsError, SimulationError
 from ggcnn_net2net.model_files import PUBLISHED_SHA256
@@ -22,6 +19,7 @@ from ggcnn_net2net.reproduce.statistics import PairedComparison, Rate
 from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.scenes import SceneSettings
 from ggcnn_net2net.simulation.trial import Outcome
+from ggcnn_net2net.versions import versions
 
 Records = dict[tuple[str, int], GraspRecord]
 """Records of one network by object and pose."""
@@ -122,18 +120,6 @@ def settings_of(scenes: SceneSettings, protocol: Protocol, gripper: GripperSpec)
     """Everything that a results folder's rows have in common; a gripper only where it is not the paper's."""
     settings = {"scenes": asdict(scenes), "protocol": protocol.as_dict(), **gripper.as_setting()}
     return {**settings, "versions": versions()}
-
-
-def versions() -> dict[str, str]:
-    """Versions of what decides a result."""
-    found = {"ggcnn_net2net": __version__, "python": platform.python_version()}
-    for package in ("tensorflow", "keras", "pybullet", "numpy", "scipy", "scikit-image"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            # tensorflow-cpu brings the module under another distribution's name
-            found[package] = version(f"{package}-cpu")
-    return found
 
 
 def read_settings(path: Path) -> tuple[dict[str, Any], SceneSettings, Protocol, GripperSpec]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +18,7 @@ from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, CurvePoint, read_points, write_points
 from ggcnn_net2net.reproduce.experiments import LEARNING_RATE, Curve, Experiment
 from ggcnn_net2net.reproduce.statistics import Rate
+from ggcnn_net2net.versions import versions
 
 if TYPE_CHECKING:
     import keras
@@ -270,8 +272,10 @@ def _iou_rates(
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
 
     images = GraspDataset(data, "test").fingerprint
+    conditions = json.dumps([protocol.as_dict(), versions()], sort_keys=True)
+    made_with = hashlib.sha256(conditions.encode()).hexdigest()[:16]
     known: dict[str, list[int]] = json.loads(known_file.read_text(encoding="utf-8")) if known_file.is_file() else {}
-    keys = [f"{network.sha256} {images} {protocol.name}" for network in networks]
+    keys = [f"{network.sha256} {images} {protocol.name} {made_with}" for network in networks]
     missing = {key: directory / network.file for key, network in zip(keys, networks, strict=True) if key not in known}
     inputs = [(path, data, protocol, threads) for path in missing.values()]
     on_progress("IoU rate", 0, len(missing))

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from ggcnn_net2net.atomic import alone
 from ggcnn_net2net.errors import ResultsError
-from ggcnn_net2net.grasping import RSS_2018
 from ggcnn_net2net.inference import predict_grasps
 from ggcnn_net2net.protocol import PAPER, Protocol
 from ggcnn_net2net.reproduce.networks import Network
@@ -19,7 +17,7 @@ from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.benchmark import prepare_scenes, run_trials
 from ggcnn_net2net.simulation.object_sets import ObjectSet
 from ggcnn_net2net.simulation.scenes import Scene, SceneSettings, depth_images
-from ggcnn_net2net.simulation.trial import Outcome
+from ggcnn_net2net.simulation.trial import Outcome, decoding_of
 
 Progress = Callable[[str, int, int], None]
 """Called with the name of a stage, the number of items done and their total."""
@@ -114,8 +112,7 @@ def _judge(
     """Predict a grasp for every scene and execute it."""
     if not scenes:
         return
-    decoding = replace(RSS_2018, angle_window=protocol.sim_angle_window)
-    grasps = predict_grasps(network.model, depth_images(scenes), decoding)
+    grasps = predict_grasps(network.model, depth_images(scenes), decoding_of(protocol))
     for index, result in run_trials(scenes, grasps, protocol, workers, gripper):
         scene = scenes[index]
         yield GraspRecord.of(network.name, network.weights, scene.model, scene.pose, grasps[index], result)

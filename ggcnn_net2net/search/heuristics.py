@@ -102,17 +102,13 @@ def _simulation(settings: SearchSettings) -> tuple[ObjectSet, SceneSettings]:
 
 def _success_rate(model: keras.Model, settings: SearchSettings, directory: Path) -> float:
     """One trial on every scene, in this process: the search has a process for every core already."""
-    from dataclasses import replace
-
-    from ggcnn_net2net.grasping import RSS_2018
     from ggcnn_net2net.inference import predict_grasps
     from ggcnn_net2net.simulation.scenes import depth_images, load_scenes
-    from ggcnn_net2net.simulation.trial import run_trial
+    from ggcnn_net2net.simulation.trial import decoding_of, run_trial
     from ggcnn_net2net.simulation.world import process_world
 
     scenes = load_scenes(directory / SCENES_FILE, *_simulation(settings))
-    decoding = replace(RSS_2018, angle_window=settings.protocol.sim_angle_window)
-    grasps: Any = predict_grasps(model, depth_images(scenes), decoding)
+    grasps: Any = predict_grasps(model, depth_images(scenes), decoding_of(settings.protocol))
     trials = (
         run_trial(process_world(), scene, grasp, settings.protocol) for scene, grasp in zip(scenes, grasps, strict=True)
     )

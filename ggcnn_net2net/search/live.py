@@ -30,7 +30,7 @@ class LiveView:
     """
 
     def __init__(self, console: Console, workers: int = 1) -> None:
-        self._console, self._workers = console, workers
+        self._console, self._workers = console, max(1, workers)  # a cluster may have none yet
         self._events: list[Event] = []
         self._level: Event | None = None
         self._read: tuple[int, SearchHistory | None] = (0, None)

@@ -22,6 +22,7 @@ from ggcnn_net2net.search.reuse import TrainedElsewhere
 from ggcnn_net2net.search.settings import FROM_PARENT, SIM, SearchSettings
 from ggcnn_net2net.search.trainer import TEACHER_FILE, model_file
 from ggcnn_net2net.search.tree import CandidateTree
+from ggcnn_net2net.versions import versions
 
 if TYPE_CHECKING:
     import keras
@@ -112,8 +113,6 @@ def resume_search(
     Raises:
         SearchError: no search there, another process is at it, other data, or failures as of `start_search`.
     """
-    from ggcnn_net2net.reproduce.results import versions
-
     directory = Path(directory).absolute()
     load_history(directory)  # refuses what is no search
     with Journal(directory / JOURNAL_FILE) as journal:
@@ -163,7 +162,6 @@ def _prepare(
         The journal's first event.
     """
     from ggcnn_net2net.model_files import load_ggcnn, save_ggcnn
-    from ggcnn_net2net.reproduce.results import versions
     from ggcnn_net2net.training.checkpoint import fingerprint_of
 
     _check_children(model, settings)

@@ -155,8 +155,9 @@ class CandidateTree:
             event = job.crashed(outcome) if isinstance(outcome, Crash) else outcome
             self.write(event)
             self._learn(event)
-            # A checkpoint serves an interrupted training, the next rung, and children that carry the optimizer on.
-            if epochs is None and not self.settings.carry_optimizer:
+            # A checkpoint serves an interrupted training, also by a worker that died, the next rung, and children that
+            # carry the optimizer on.
+            if epochs is None and not self.settings.carry_optimizer and not isinstance(outcome, Crash):
                 shutil.rmtree(job.checkpoint_dir, ignore_errors=True)
             self._count_failures(event)
 

@@ -83,6 +83,18 @@ class ObjectSet:
                 f"{', '.join(repeated)}: copy the mesh under another name"
             )
 
+    def named(self, name: str) -> ObjectModel:
+        """The object of this name.
+
+        Raises:
+            ObjectSetError: there is none.
+        """
+        for model in self.objects:
+            if model.name == name:
+                return model
+        known = ", ".join(model.name for model in self.objects)
+        raise ObjectSetError(f"expected one of the objects {known}; received {name!r}")
+
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 over all names, meshes, scales and centres: equal sets give equal scenes."""

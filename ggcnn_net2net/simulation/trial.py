@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
 
-from ggcnn_net2net.grasping import Grasp, grasp_to_rectangle
+from ggcnn_net2net.grasping import RSS_2018, Decoding, Grasp, grasp_to_rectangle
 from ggcnn_net2net.protocol import PAPER, Protocol
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.gripper import Gripper
@@ -88,6 +88,11 @@ def world_grasp(grasp: Grasp, depth: npt.NDArray[np.floating], camera: Camera) -
     return WorldGrasp((x, y, z), grasp.angle, float(np.linalg.norm(edge)))
 
 
+def decoding_of(protocol: Protocol) -> Decoding:
+    """How the benchmark reads grasps from the maps: RSS 2018, with the protocol's choice of the angle."""
+    return replace(RSS_2018, angle_window=protocol.sim_angle_window)
+
+
 def run_trial(
     world: World,
     scene: Scene,
@@ -103,7 +108,7 @@ def run_trial(
         world: is reset first.
         scene: object and its resting pose.
         grasp: in pixels of the scene's image; None when the network found none, which is a failure.
-        protocol: decides how far the gripper descends.
+        protocol: solver, jaws, and how far the gripper descends.
         gripper_spec: dimensions of the gripper; the paper's by default.
         bin_spec: the bin; the paper's by default.
         on_phase: called with "approach", "close", "carry", "release" and "end" when each begins.
@@ -169,7 +174,7 @@ def lifts(
         world: is reset first.
         scene: object and its resting pose.
         target: the grasp.
-        protocol: decides how far the gripper descends.
+        protocol: solver, jaws, and how far the gripper descends.
         gripper_spec: dimensions of the gripper; the paper's by default.
 
     Returns:

@@ -207,6 +207,9 @@ def _run_epoch(
 def mean_loss(model: keras.Model, data: TrainingData, recipe: Recipe) -> float:
     """The loss of a network, summed over the heads and averaged over all images (of epoch 0).
 
+    With `masked_loss` a batch's loss is a mean over its labelled pixels, and the mean here is one of batches by their
+    images: it depends a little on the batch size.
+
     Args:
         model: a GG-CNN; need not be compiled.
         data: images and targets.

@@ -235,6 +235,17 @@ def test_nothing_that_is_read_is_written_over(call, dataset, tmp_path):
         call(network, tmp_path / ".." / tmp_path.name / "network.hdf5", "--epochs", 2)
 
 
+def test_the_record_of_the_network_is_not_lost(call, tmp_path):
+    output = tmp_path / "mine.hdf5"
+    call(ARCHITECTURE, output, "--epochs", 1, "--no-validation")
+    before = output.with_suffix(".json").read_bytes()
+    with pytest.raises(ModelFileError, match=r"another name .* mine\.json would be lost"):
+        call(output, output.with_suffix(".keras"), "--epochs", 1, "--no-validation")
+    assert output.with_suffix(".json").read_bytes() == before
+    output.with_suffix(".json").unlink()
+    call(output, output.with_suffix(".keras"), "--epochs", 1, "--no-validation")
+
+
 def test_a_folder_does_not_hide_an_architecture(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for epochs in (1, 2):  # the second time, the folder "shallow" is there

@@ -69,7 +69,21 @@ def test_inputs_are_finite_centred_and_clipped(preset, height, width, seed, miss
     assert image.shape == gone.shape == (36, 36)
     assert image.dtype == np.float32
     assert np.isfinite(image).all()
-    assert preset.clip is None or np.abs(image).max() <= preset.clip
+    if preset.clip is None:
+        assert abs(image.mean()) < 1e-5
+    else:
+        assert np.abs(image).max() <= preset.clip
+
+
+@pytest.mark.parametrize("preset", PRESETS.values(), ids=PRESETS)
+def test_the_mean_is_that_of_the_crop_before_the_clip(preset):
+    metres = np.full((36, 36), 1.0, np.float32)
+    metres[:9] = 5.0
+    image, _ = network_input(metres, crop_window(metres.shape, preset, 36), preset)
+    expected = metres - metres.mean()
+    if preset.clip is not None:
+        expected = np.clip(expected, -preset.clip, preset.clip)
+    np.testing.assert_allclose(image, expected, atol=1e-5)
 
 
 def test_all_missing_in_the_crop_is_an_error():

@@ -107,6 +107,14 @@ def test_all_consumers_are_rewired() -> None:
         np.testing.assert_array_equal(output, np.broadcast_to(bias, output.shape))
 
 
+def test_behind_a_frozen_layer_the_new_one_learns() -> None:
+    model = _model(L.Conv2D(3, 3, activation="relu", dtype="float64", name="it"))
+    model.get_layer("it").trainable = False
+    child = deeper(model, 1)
+    assert not child.get_layer("it").trainable
+    assert child.get_layer("it_deeper").trainable
+
+
 def test_settings_of_layers_and_model_are_kept() -> None:
     model = _model(
         L.Conv2D(3, 3, activation="relu", kernel_regularizer=keras.regularizers.L2(0.1), dtype="float64", name="one"),

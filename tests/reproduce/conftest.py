@@ -32,9 +32,13 @@ def objects(tmp_path) -> ObjectSet:
 
 @pytest.fixture
 def network(monkeypatch) -> Callable[..., Network]:
-    """Networks that need no TensorFlow: they always grasp the image's middle with a fixed opening, or see nothing."""
+    """Networks that need no TensorFlow: they always grasp the image's middle with a fixed opening, or see nothing.
+
+    `network.decodings` are those that were asked for.
+    """
 
     def predict(model, depth, decoding):
+        make.decodings.append(decoding)
         return [Grasp(149.0, 150.0, 0.4, model, 0.9) if model else None for _ in np.asarray(depth)]
 
     monkeypatch.setattr(table1, "predict_grasps", predict)
@@ -42,4 +46,5 @@ def network(monkeypatch) -> Callable[..., Network]:
     def make(name: str, opening_px: float, sha256: str) -> Network:
         return Network(name, "C1x1x1", 17, f"{name}.hdf5", sha256, opening_px, TABLE1.get(name))
 
+    make.decodings = []
     return make

@@ -157,6 +157,13 @@ def test_the_view_of_the_terminal():
     assert "2 were met again" in shown(view)
 
 
+def test_a_cluster_that_has_no_workers_yet():
+    view = terminal_view(workers=0)
+    for event in by_hand_with_levels()[:7]:
+        view.on_event(event)
+    assert "left: at most 0:00:30" in shown(view)
+
+
 def test_it_draws_itself_in_a_terminal():
     stream = io.StringIO()
     with LiveView(Console(file=stream, force_terminal=True, width=120)) as view:

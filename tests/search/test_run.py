@@ -171,6 +171,21 @@ def test_a_dead_worker_is_a_failure(run):
     assert len(history.path) == 4
 
 
+def test_a_dead_worker_leaves_its_checkpoint_and_others_none(model, dataset, tmp_path):
+    """What it has trained serves the next try; an error would come again from it."""
+
+    class Leaving(ScriptedWorkers):
+        def outcome(self, job):
+            job.checkpoint_dir.mkdir(parents=True)
+            return super().outcome(job)
+
+    scores = {("wider(1)",): Crash(-9, 2), ("wider(2)",): math.nan}
+    workers = Leaving(lambda names, *_: scores.get(names, 0.5))
+    start_search(model, dataset, replace(SMALL, depth=1), tmp_path / "search", workers)
+    assert len(workers.jobs) > 3
+    assert [job.candidate.operation for job in workers.jobs if job.checkpoint_dir.exists()] == ["wider(1)"]
+
+
 def test_failures_in_a_row_stop_the_search_and_can_be_tried_again(run, model, dataset, tmp_path):
     def score(operations, epochs, replicate):
         return math.nan if len(operations) == 2 else score_of(operations, epochs, replicate)
@@ -347,7 +362,7 @@ def test_a_finished_search_whose_failures_are_tried_again(run, tmp_path):
 
 def test_other_versions_are_put_down(run, monkeypatch):
     history, _, directory = run()
-    monkeypatch.setattr("ggcnn_net2net.reproduce.results.versions", lambda: {"keras": "99"})
+    monkeypatch.setattr("ggcnn_net2net.search.run.versions", lambda: {"keras": "99"})
     for _ in range(2):  # once each change
         assert keys_on(resume_search(directory, ScriptedWorkers())) == keys_on(history)
         assert load_history(directory).later_versions == ({"keras": "99"},)

@@ -94,3 +94,22 @@ def test_settings_tell_the_gripper(palm, opening, length, friction):
 def test_the_papers_gripper_leaves_settings_as_they_are():
     assert PAPER_GRIPPER.as_setting() == {}
     assert GripperSpec.from_dict({}) == PAPER_GRIPPER
+
+
+def test_the_papers_gripper():
+    assert asdict(PAPER_GRIPPER) == {
+        "palm": (0.32, 0.02, 0.01),
+        "finger_length": 0.05,
+        "finger_thickness": 0.01,
+        "finger_width": 0.02,
+        "max_opening": 0.30,
+        "link_mass": 1.0,
+        "friction": 1.0,
+        "force": 1000.0,
+        "jaw_force": 1000.0,
+        "linear_speed": 0.5,
+        "angular_speed": 2.0,
+        "jaw_speed": 0.3,
+        "position_gain": 0.3,
+        "velocity_gain": 1.0,
+    }

@@ -139,5 +139,5 @@ def test_objects_of_one_name_are_refused(tmp_path):
     """Scenes and results are kept by name, so one of the two would be lost."""
     write_obj(tmp_path / "mug_vhacd.obj", [box((0.1, 0.1, 0.1))])
     (tmp_path / "objects.csv").write_text("name,longest_side\nmug,0.1\nmug,0.2\n")
-    with pytest.raises(ObjectSetError, match="different names .* more than one mug"):
+    with pytest.raises(ObjectSetError, match=r"different names .* more than one mug"):
         load_object_set(str(tmp_path))

@@ -5,21 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ggcnn_net2net.grasping import Grasp
+from ggcnn_net2net.grasping import RSS_2018, Grasp
 from ggcnn_net2net.protocol import CORRECTED, PAPER
-from ggcnn_net2net.simulation import GripperSpec
+from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.convex import box, cylinder
+from ggcnn_net2net.simulation.gripper import Gripper
 from ggcnn_net2net.simulation.procedural import PROCEDURAL40
 from ggcnn_net2net.simulation.trial import (
     SUCCESS_DISTANCE,
     Outcome,
     WorldGrasp,
+    _failure,
+    decoding_of,
     lifts,
     run_trial,
     run_world_grasp,
     world_grasp,
 )
+from ggcnn_net2net.simulation.world import Bin, World
 
 both_protocols = pytest.mark.parametrize("protocol", [PAPER, CORRECTED], ids=lambda protocol: protocol.name)
 
@@ -155,3 +159,83 @@ def test_world_grasp_keeps_place_angle_and_opening(angle):
 
 def test_success_distance_is_the_published_one():
     assert SUCCESS_DISTANCE == 0.7
+
+
+@pytest.mark.parametrize(
+    ("protocol", "clearance"),
+    [(PAPER, 0.0), (CORRECTED, 0.005), (replace(PAPER, palm_clearance=0.03), 0.03)],
+    ids=["PAPER", "CORRECTED", "raised"],
+)
+def test_the_protocol_reaches_the_simulation(world, box_scene, monkeypatch, protocol, clearance):
+    """The box is taller than the fingers are long, so the palm's clearance decides how deep the gripper goes."""
+    iterations, coupled, moves = [], [], []
+    reset, init, move_to = World.reset, Gripper.__init__, Gripper.move_to
+    monkeypatch.setattr(World, "reset", lambda self, *given: iterations.append(given) or reset(self, *given))
+    monkeypatch.setattr(Gripper, "__init__", lambda *given: coupled.append(given[3]) or init(*given))
+    monkeypatch.setattr(Gripper, "move_to", lambda *given, **how: moves.append(given[1]) or move_to(*given, **how))
+    top = 0.08
+    run_world_grasp(world, box_scene, WorldGrasp((0.0, 0.0, top), 0.0, 0.12), protocol)
+    assert (iterations, coupled) == ([(protocol.solver_iterations,)], [protocol.coupled_jaws])
+    above, down, _ = moves
+    assert down[2] == pytest.approx(top + PAPER_GRIPPER.palm[2] / 2 + clearance)
+    assert above[2] == pytest.approx(down[2] + 0.5)
+
+
+def test_the_phases_last_as_long_as_the_papers(world, box_scene):
+    begun = {}
+    grasp = WorldGrasp((0.0, 0.0, 0.08), 0.0, 0.12)
+    run_world_grasp(world, box_scene, grasp, on_phase=lambda phase: begun.update({phase: world.steps}))
+    assert begun["carry"] - begun["close"] == 600  # the jaws, 0.6 s
+    assert begun["end"] - begun["release"] == 1600  # the jaws, and 1 s
+
+
+def test_the_object_and_not_the_palm_hangs_over_the_bins_centre(world, at_rest, monkeypatch):
+    scene = at_rest("bar", [box((0.3, 0.05, 0.08))])
+    moves = []
+    move_to = Gripper.move_to
+    monkeypatch.setattr(Gripper, "move_to", lambda *given, **how: moves.append(given[1]) or move_to(*given, **how))
+    run_world_grasp(world, scene, WorldGrasp((0.1, 0.0, 0.08), np.pi / 2, 0.1))
+    carry = moves[-1]
+    assert carry[0] - Bin().centre[0] == pytest.approx(0.1, abs=0.02)
+    assert carry[1] - Bin().centre[1] == pytest.approx(0.0, abs=0.02)
+    assert carry[2] - Bin().centre[2] == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize(
+    ("metres", "success", "in_bin"), [(0.1, True, True), (0.65, True, False), (0.75, False, False)]
+)
+def test_an_object_beside_the_bin_may_count(world, box_scene, monkeypatch, metres, success, in_bin):
+    phases = []
+    pose_of = World.pose_of
+
+    def placed(self, body):
+        position, orientation = pose_of(self, body)
+        if phases[-1:] == ["end"]:
+            position = (Bin().centre[0] + metres, Bin().centre[1], 0.05)
+        return position, orientation
+
+    monkeypatch.setattr(World, "pose_of", placed)
+    grasp = WorldGrasp((0.0, 0.0, 0.08), 0.0, 0.12)
+    result = run_world_grasp(world, box_scene, grasp, on_phase=phases.append)
+    assert (result.success, result.in_bin) == (success, in_bin)
+    assert result.distance == pytest.approx(metres)
+    assert result.outcome is (Outcome.SUCCESS if success else Outcome.DROPPED_OUTSIDE)
+
+
+@pytest.mark.parametrize(
+    ("position", "held", "lift", "outcome"),
+    [
+        ((0.0, 0.0, 0.0), False, 0.01, Outcome.MISSED),
+        ((0.5, 0.0, 0.0), False, 0.2, Outcome.SLIPPED),
+        ((2.5, 0.0, 0.0), True, 0.7, Outcome.DROPPED_OUTSIDE),
+        ((0.0, -11.0, 0.0), True, 0.7, Outcome.UNSTABLE),
+        ((float("nan"), 0.0, 0.0), False, 0.0, Outcome.UNSTABLE),
+    ],
+)
+def test_reasons_of_failures(position, held, lift, outcome):
+    assert _failure(position, held, lift) is outcome
+
+
+def test_the_benchmark_takes_the_protocols_angle():
+    assert decoding_of(PAPER) == replace(RSS_2018, angle_window=5)  # the published 11x11 window
+    assert decoding_of(CORRECTED) == RSS_2018

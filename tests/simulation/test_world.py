@@ -79,3 +79,8 @@ def test_bin_contains(point, inside):
 
 def test_horizontal_distance_ignores_height():
     assert Bin().horizontal_distance((1.5 + 0.3, 1.5 + 0.4, 7)) == pytest.approx(0.5)
+
+
+def test_the_papers_world():
+    assert (GRAVITY, TIME_STEP) == (-10.0, 1e-3)
+    assert (Bin().centre[:2], Bin().side) == ((1.5, 1.5), 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,7 +26,7 @@ def placing(folder: Path, last: str) -> Iterator[Path]:
         The temporary folder.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    temporary = folder / f".{last}.{os.getpid()}.tmp"
+    temporary = folder / f".{last}.{secrets.token_hex(4)}.tmp"
     new, old = temporary / "new", temporary / "old"
     try:
         old.mkdir(parents=True)
