@@ -19,7 +19,7 @@ class GGCNNError(Exception):
 class ArchitectureError(GGCNNError):
     """An architecture string, or a model, that does not describe a GG-CNN."""
 
-    page = "docs/net2net.md"
+    page = "docs/reference/files.md"
 
 
 class SurgeryError(GGCNNError):

@@ -119,17 +119,30 @@ def test_mvp_grasp(run):
     assert np.dot(closing, [math.cos(yaw), math.sin(yaw), 0]) == pytest.approx(0, abs=1e-9)
 
 
-@pytest.mark.parametrize("runtime", ["LiteRT", "OpenVINO"])
-def test_edge(run, rss_2018, folder, runtime):
-    names = [re.search("litert|openvino|crop", code)[0] for code in blocks("stacks/edge.md", "python")]
-    assert names == ["crop", "litert", "openvino"]
-    space = run("stacks/edge.md", slice(0, 2 if runtime == "LiteRT" else 3))
+@pytest.mark.parametrize(("runtime", "blocks_run"), [("LiteRT", 2), ("OpenVINO", 3), ("ONNX Runtime", 4)])
+def test_edge(run, rss_2018, folder, runtime, blocks_run):
+    names = [
+        re.search("litert|openvino|onnxruntime|crop|filled", code)[0] for code in blocks("stacks/edge.md", "python")
+    ]
+    assert names == ["crop", "litert", "openvino", "onnxruntime", "filled"]
+    space = run("stacks/edge.md", slice(0, blocks_run))
     model = gn.load_ggcnn(folder / "network.hdf5")
     for name, expected in zip(HEADS, model(space["image"]), strict=True):
         np.testing.assert_allclose(space["maps"][name], expected[0, ..., 0], atol=1e-4)
     assert (space["row"], space["col"]) == (rss_2018.row, rss_2018.col)
     received = [space["angle"], space["width_px"], space["quality"][space["row"], space["col"]]]
     assert received == pytest.approx([rss_2018.angle, rss_2018.width_px, rss_2018.quality], abs=2e-3)
+
+
+def test_missing_pixels_are_filled_as_by_the_package():
+    space = {}
+    exec(blocks("stacks/edge.md", "python")[-1], space)
+    rows, columns = np.indices((40, 50))
+    depth = (0.8 + 0.002 * rows + 0.1 * (columns > 20)).astype(np.float32)
+    depth[5:9, 18:25] = 0
+    depth[:2, :3] = np.nan
+    missing = ~(depth > 0)
+    np.testing.assert_array_equal(space["filled"](depth), fill_missing(depth, missing))
 
 
 class Message(SimpleNamespace):

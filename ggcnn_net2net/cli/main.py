@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import sys
+import warnings
+from collections.abc import Callable
 from importlib import import_module
+from typing import Any
 
 import click
 
@@ -35,7 +38,8 @@ Then, what you came for:
 
   ggcnn-net2net predict depth.png -o grasps           where to grasp in a depth image of yours
   ggcnn-net2net dataset simulate -o simulated         grasp data to train on; `dataset build` also takes Cornell's
-  ggcnn-net2net search published data.h5 -o search    a better network by surgery and training
+  ggcnn-net2net search published data.h5 -o search --budget quick --protocol corrected
+                                                      a better network by surgery and training
   ggcnn-net2net export my_network.hdf5 --to onnx      a file for your grasp stack
 
 All commands: ggcnn-net2net --help. A tutorial: docs/tutorial.md."""
@@ -82,6 +86,7 @@ def main() -> None:
 
 def run(command: click.Command, name: str) -> None:
     """Run a command; end the process with 0 (done), 1 (an error that is explained), 2 (wrong usage) or 130 (Ctrl-C)."""
+    warnings.showwarning = _without_source(warnings.showwarning)
     try:
         sys.exit(command.main(prog_name=name, standalone_mode=False) or 0)
     except click.ClickException as error:
@@ -101,3 +106,15 @@ def run(command: click.Command, name: str) -> None:
         where = "" if error.filename is None else f": {error.filename}"
         click.echo(f"Error: {error.strerror}{where}", err=True)
         sys.exit(1)
+
+
+def _without_source(show: Callable[..., None]) -> Callable[..., None]:
+    """Print this package's warnings without the line of code that gave them, which tells a user nothing."""
+
+    def show_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
+        if category.__module__.startswith("ggcnn_net2net."):
+            click.echo(f"Warning: {message}", err=True)
+        else:
+            show(message, category, *where)
+
+    return show_warning

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
+    from ggcnn_net2net.protocol import Protocol
     from ggcnn_net2net.simulation import GripperSpec
 
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg", ".jpg")
@@ -75,6 +77,23 @@ WORKERS = click.option(
     type=click.IntRange(min=1),
     help="Processes. Results do not depend on their number.",
 )
+
+
+DISTIL_WEIGHT = click.option(
+    "--distil-weight",
+    default=0.5,
+    show_default=True,
+    type=click.FloatRange(0, 1, min_open=True),
+    help="Part of the teacher in what is learnt.",
+)
+
+
+def taught(protocol: Protocol) -> Protocol:
+    """A protocol to train with a teacher in: it labels every pixel, so there is nothing to mask by."""
+    if not protocol.masked_loss:
+        return protocol
+    click.echo("A teacher labels every pixel: the loss counts all of them (masked_loss is off).", err=True)
+    return replace(protocol, masked_loss=False)
 
 
 def command_line() -> str:

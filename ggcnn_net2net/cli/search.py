@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ggcnn_net2net.cli.networks import open_network
-from ggcnn_net2net.cli.options import PROTOCOL, command_line
+from ggcnn_net2net.cli.options import DISTIL_WEIGHT, PROTOCOL, command_line, taught
 
 if TYPE_CHECKING:
     from ggcnn_net2net.parallel import Workers
@@ -47,7 +47,7 @@ def search_command() -> None:
     ggcnn-net2net search report DIR                       tables and pictures, during a search and after it
 
     \b
-    Example: ggcnn-net2net search published simulated.h5 -o search --budget quick
+    Example: ggcnn-net2net search published simulated.h5 -o search --budget quick --protocol corrected
     """
 
 
@@ -99,7 +99,7 @@ def search_command() -> None:
 @click.option("--wider-noise", type=click.FloatRange(0), help="Beyond the paper: unequal copies. [default: protocol's]")
 @click.option("--carry-optimizer", is_flag=True, help="Beyond the paper: children keep their parent's optimizer state.")
 @click.option("--distil", metavar="TEACHER", help='Beyond the paper: learn from "parent" or from a model file, too.')
-@click.option("--distil-weight", default=0.5, show_default=True, type=click.FloatRange(0, 1, min_open=True))
+@DISTIL_WEIGHT
 @click.option("--reuse", multiple=True, type=SEARCH_FOLDER, help="Take candidates that this search has trained.")
 def run(
     model: str,
@@ -116,7 +116,7 @@ def run(
     network of the path becomes best.hdf5. Ctrl-C at any time; `search resume` goes on.
 
     \b
-    Example: ggcnn-net2net search published simulated.h5 -o search --budget quick --max-params 67644
+    Example: ggcnn-net2net search published simulated.h5 -o search --protocol corrected --max-params 67644
     """
     from ggcnn_net2net.datasets.hdf5 import GraspDataset  # --help must not load what the work needs
     from ggcnn_net2net.quiet import import_tensorflow
@@ -198,9 +198,8 @@ def _settings(**options: Any) -> SearchSettings:
     noise = options.pop("wider_noise")
     if noise is not None:
         protocol = replace(protocol, wider_noise=noise)
-    if options["distil"] is not None and protocol.masked_loss:
-        click.echo("A teacher labels every pixel: the loss counts all of them (masked_loss is off).", err=True)
-        protocol = replace(protocol, masked_loss=False)
+    if options["distil"] is not None:
+        protocol = taught(protocol)
     recipe = Recipe(
         **{name: options.pop(name) for name in ("epochs", "batch_size", "optimizer", "learning_rate")},
         images_per_epoch=options.pop("images_per_epoch") or budget.images_per_epoch,

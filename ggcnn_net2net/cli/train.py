@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ggcnn_net2net.cli.networks import file_of, made_by, open_network
-from ggcnn_net2net.cli.options import PROTOCOL, OutputFile, command_line
+from ggcnn_net2net.cli.options import DISTIL_WEIGHT, PROTOCOL, OutputFile, command_line, taught
 from ggcnn_net2net.versions import versions
 
 if TYPE_CHECKING:
@@ -61,6 +61,8 @@ POSITIVE = click.IntRange(min=1)
     type=click.Path(path_type=Path, exists=True, file_okay=False),
     help="Raw folder that DATASET was built of: draw new augmentations of its scenes in every epoch. Reads more.",
 )
+@click.option("--distil", metavar="TEACHER", help="Learn the maps of this network, too: a file, published, zoo:NAME.")
+@DISTIL_WEIGHT
 def train_command(
     network: str,
     dataset: Path,
@@ -81,6 +83,8 @@ def train_command(
     checkpoint_dir: Path | None,
     restart: bool,
     scenes: Path | None,
+    distil: str | None,
+    distil_weight: float,
 ) -> None:
     """Train NETWORK on the "train" split of DATASET, an HDF5 file of `dataset build`.
 
@@ -100,11 +104,13 @@ def train_command(
     from rich.console import Console
 
     from ggcnn_net2net.datasets.hdf5 import GraspDataset  # --help must not load what the work needs
+    from ggcnn_net2net.model_files import load_ggcnn
     from ggcnn_net2net.model_files.save import check_writable, save_ggcnn
     from ggcnn_net2net.net2net import parse_operations
     from ggcnn_net2net.protocol import protocol_named
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.training import Recipe, set_threads
+    from ggcnn_net2net.training.distillation import Distilled
     from ggcnn_net2net.training.stages import is_staged, stages_of, train_stages
 
     if ops is not None and repeat > 1:
@@ -115,6 +121,7 @@ def train_command(
     _keep_record(output, source)
     stored = GraspDataset(dataset, "train")
     data = stored if scenes is None else _fresh_augmentations(stored, scenes)
+    protocol = protocol_named(protocol_name)
     recipe = Recipe(
         epochs=epochs,
         batch_size=batch_size,
@@ -123,12 +130,13 @@ def train_command(
         learning_rate_schedule=schedule,
         images_per_epoch=images_per_epoch,
         seed=seed,
-        protocol=protocol_named(protocol_name),
+        protocol=protocol if distil is None else taught(protocol),
     )
     stages = stages_of(recipe, operations, final_epochs)
     import_tensorflow()
     set_threads(threads)
     model, name = open_network(network, stored.shape[0], seed)
+    teacher = {} if distil is None else _teacher(distil, distil_weight)
     earlier = made_by(network)
     checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
     console = Console()
@@ -136,7 +144,7 @@ def train_command(
         with _progress(sum(stage.recipe.epochs for stage in stages), batch_size, console) as on_progress:
             result = train_stages(
                 model,
-                data,
+                data if distil is None else Distilled(data, load_ggcnn(distil), distil_weight),
                 recipe,
                 operations,
                 final_epochs,
@@ -149,12 +157,21 @@ def train_command(
         click.echo(f"Finished epochs are kept in {checkpoint_dir}: the same command goes on from there.", err=True)
         raise
     save_ggcnn(result.model, output)
-    facts = {"network": name, "threads": threads, "fresh_augmentations": scenes is not None}
+    facts = {"network": name, "threads": threads, "fresh_augmentations": scenes is not None, **teacher}
     if earlier is not None:
         facts["network_made_by"] = earlier
     _write_records(output, result, recipe, stored, facts, stages if is_staged(operations) else [])
     console.print(_table(result))
     click.echo(f"written to {output}, with .csv, .png and .json beside it")
+
+
+def _teacher(distil: str, weight: float) -> dict[str, Any]:
+    """For the record."""
+    from ggcnn_net2net.model_files.load import opened_name, source_path
+    from ggcnn_net2net.reference_data import sha256_of
+
+    path = source_path(distil)
+    return {"teacher": {"network": opened_name(distil, path), "sha256": sha256_of(path), "weight": weight}}
 
 
 def _keep_record(output: Path, source: Path | None) -> None:

@@ -84,7 +84,7 @@ def load_networks(specs: Iterable[str]) -> list[Network]:
         The networks in order; those that no weights are at hand for have no model.
 
     Raises:
-        ResultsError: two networks of the same name, or none.
+        ResultsError: two networks of the same name, or none, or a name that is none of these.
         ModelFileError, DataNotFoundError, VerificationError: as `load_ggcnn`.
     """
     networks = [_load(spec) for spec in specs]
@@ -110,7 +110,12 @@ def _load(spec: str) -> Network:
     if spec in ROWS or spec.startswith(zoo.PREFIX):
         name = spec.removeprefix(zoo.PREFIX)
         return _from_file(zoo.network_file(name), name, f"{zoo.PREFIX}{name}", TABLE1.get(name))
-    path = source_path(spec)
+    if not Path(spec).is_file():
+        raise ResultsError(
+            f"expected a network of a table, one of {', '.join(ROWS)}, {zoo.PREFIX}NAME or a model file, received "
+            f"{spec!r}, which is none"
+        )
+    path = Path(spec)
     return _from_file(path, path.stem, path.name, None)
 
 

@@ -86,6 +86,12 @@ class ObjectSet:
     def named(self, name: str) -> ObjectModel:
         """The object of this name.
 
+        Args:
+            name: of the object.
+
+        Returns:
+            The object.
+
         Raises:
             ObjectSetError: there is none.
         """

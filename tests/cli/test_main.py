@@ -2,6 +2,7 @@ import inspect
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 
 import click
@@ -132,6 +133,16 @@ def test_without_weights_and_network_it_says_what_to_do(monkeypatch, capsys, tmp
     for part in ("epoch_29_model.hdf5", "07ed61da", str(tmp_path / "cache"), str(tmp_path / "checkout"), "curl"):
         assert part in message
     assert not (tmp_path / "out").exists()
+
+
+def test_our_warnings_are_one_line_without_source(monkeypatch, capsys):
+    @click.command()
+    def command():
+        warnings.warn("another network stands in", zoo.StandInWarning, stacklevel=1)
+
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    assert exit_code(command, [], monkeypatch) == 0
+    assert capsys.readouterr().err == "Warning: another network stands in\n"
 
 
 def test_what_the_system_refuses_is_no_traceback(monkeypatch, capsys, tmp_path):

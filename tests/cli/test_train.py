@@ -23,6 +23,7 @@ from ggcnn_net2net.datasets.build import build_dataset
 from ggcnn_net2net.datasets.raw import open_scenes
 from ggcnn_net2net.datasets.splits import Split
 from ggcnn_net2net.errors import ArchitectureError, DatasetError, ModelFileError, SurgeryError, TrainingError
+from ggcnn_net2net.reference_data import sha256_of
 
 ARCHITECTURE = "C5x5x4_C3x3x2_T3x3x2_T5x5x4"
 
@@ -239,11 +240,27 @@ def test_the_record_of_the_network_is_not_lost(call, tmp_path):
     output = tmp_path / "mine.hdf5"
     call(ARCHITECTURE, output, "--epochs", 1, "--no-validation")
     before = output.with_suffix(".json").read_bytes()
-    with pytest.raises(ModelFileError, match=r"another name .* mine\.json would be lost"):
+    with pytest.raises(ModelFileError, match=r"another name .*mine\.json would be lost"):
         call(output, output.with_suffix(".keras"), "--epochs", 1, "--no-validation")
     assert output.with_suffix(".json").read_bytes() == before
     output.with_suffix(".json").unlink()
     call(output, output.with_suffix(".keras"), "--epochs", 1, "--no-validation")
+
+
+def test_a_teacher_is_learnt_from_and_on_record(call, tmp_path):
+    teacher, labels, taught = (tmp_path / f"{name}.hdf5" for name in ("teacher", "labels", "taught"))
+    call(ARCHITECTURE, teacher, "--epochs", 1, "--seed", 5)
+    options = ("--epochs", 1, "--protocol", "corrected")
+    call(ARCHITECTURE, labels, *options)
+    call(ARCHITECTURE, taught, *options, "--distil", teacher, "--distil-weight", 1)
+    facts = json.loads(taught.with_suffix(".json").read_text())
+    assert facts["teacher"] == {"network": str(teacher), "sha256": sha256_of(teacher), "weight": 1.0}
+    assert facts["recipe"]["protocol"]["masked_loss"] is False
+    assert "teacher" not in json.loads(labels.with_suffix(".json").read_text())
+    loss = {path: json.loads(path.with_suffix(".json").read_text())["last_epoch"]["loss"] for path in (labels, taught)}
+    assert loss[taught] != loss[labels]
+    with pytest.raises(TrainingError, match="another"):  # a checkpoint of another teacher is another run's
+        call(ARCHITECTURE, taught, *options, "--distil", labels)
 
 
 def test_a_folder_does_not_hide_an_architecture(call, tmp_path, monkeypatch):

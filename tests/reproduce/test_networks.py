@@ -118,6 +118,12 @@ def test_the_published_network_is_no_stand_in(put, data_root):
     assert (network.note, network.stand_in, network.file) == ("", False, "epoch_29_model.hdf5")
 
 
+@pytest.mark.parametrize("spec", ["orignal", "narrow", "nowhere/mine.hdf5"])
+def test_a_name_that_is_none_names_the_rows(spec):
+    with pytest.raises(ResultsError, match=rf"original, control, extended, .* received '{spec}'"):
+        load_networks([spec])
+
+
 def test_networks_need_names_of_their_own(put):
     put("extended")
     with pytest.raises(ResultsError, match="different names"):
