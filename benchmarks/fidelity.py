@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ggcnn_net2net.cli.options import OBJECTS, SEED, WORKERS
+from ggcnn_net2net.parallel import LocalWorkers
 from ggcnn_net2net.protocol import CORRECTED, PAPER, Protocol
 from ggcnn_net2net.quiet import import_tensorflow
 from ggcnn_net2net.reproduce.networks import load_networks
@@ -66,7 +67,8 @@ def main(objects_spec: str, seed: int, workers: int, poses: int, output: Path) -
     for index, protocol in enumerate(variants()):
         folder = output / f"{objects_spec}-{index}"
         objects = load_object_set(objects_spec, protocol)
-        result = run_table1(networks, objects, folder, poses=poses, seed=seed, protocol=protocol, workers=workers)
+        with LocalWorkers(workers) as pool:
+            result = run_table1(networks, objects, folder, poses=poses, seed=seed, protocol=protocol, workers=pool)
         rate = result.rows[0].success
         success = [record.success for record in RecordFile(folder / "grasps.csv").read()]
         reference = reference or success

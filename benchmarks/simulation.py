@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ggcnn_net2net.grasping import Grasp
+from ggcnn_net2net.parallel import LocalWorkers
 from ggcnn_net2net.protocol import PAPER
 from ggcnn_net2net.simulation.benchmark import prepare_scenes, run_trials
 from ggcnn_net2net.simulation.object_sets import load_object_set
@@ -41,7 +42,8 @@ def main(objects: str, grasps: int, rounds: int) -> None:
     settings = SceneSettings.of(object_set, -(-grasps // len(object_set.objects)), seed=0)
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()
-        scenes = prepare_scenes(Path(folder) / "scenes.h5", object_set, settings, workers=2)[:grasps]
+        with LocalWorkers(2) as pool:
+            scenes = prepare_scenes(Path(folder) / "scenes.h5", object_set, settings, pool)[:grasps]
         scene_seconds = time.perf_counter() - started
     chosen = [middle_grasp(scene) for scene in scenes]
     seconds: dict[int, list[float]] = {1: [], 2: []}
@@ -49,7 +51,8 @@ def main(objects: str, grasps: int, rounds: int) -> None:
     for _ in range(rounds):
         for workers, times in seconds.items():
             started = time.perf_counter()
-            results = dict(run_trials(scenes, chosen, PAPER, workers))
+            with LocalWorkers(workers) as pool:
+                results = dict(run_trials(scenes, chosen, PAPER, pool))
             times.append(time.perf_counter() - started)
             steps = sum(result.steps for result in results.values())
     table = Table("workers", "seconds a round", "median", "grasps a second", title=f"{grasps} grasps on {objects}")

@@ -67,6 +67,7 @@ def table1(
     from rich.console import Console  # --help must not wait for any of these
 
     from ggcnn_net2net.cli.progress import stages
+    from ggcnn_net2net.parallel import LocalWorkers
     from ggcnn_net2net.protocol import protocol_named
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reproduce.networks import default_rows, load_networks
@@ -83,7 +84,7 @@ def table1(
         name = f"table1-{objects.name.replace(':', '-')}-{poses}poses-seed{seed}-{protocol.name.lower()}"
         output = Path("results") / (f"{name}-{gripper_file.stem}" if gripper_file else name)
     console = Console()
-    with stages(console) as progress:
+    with LocalWorkers(workers) as pool, stages(console) as progress:
         table = run_table1(
             networks,
             objects,
@@ -92,7 +93,7 @@ def table1(
             seed=seed,
             protocol=protocol,
             gripper=gripper,
-            workers=workers,
+            workers=pool,
             command=command_line(),
             on_progress=progress,
         )

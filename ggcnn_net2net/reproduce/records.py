@@ -119,8 +119,6 @@ class RecordFile:
         rows = list(csv.reader(io.StringIO(whole, newline="")))
         if not rows:
             return []
-        if len(rows) > 1 and len(rows[-1]) < len(COLUMNS):  # torn within a name that has a line break
-            rows.pop()
         if tuple(rows[0]) != COLUMNS:
             raise ResultsError(
                 f"expected the columns {', '.join(COLUMNS)} in {self.path}, received {', '.join(rows[0])}: it was "

@@ -87,7 +87,7 @@ def run_experiment(
         experiment: the curves, see `experiments.part_of`.
         conditions: data, budget, limit, learning rate, seed and objects.
         output: folder of results.csv.
-        workers: train the candidates and compute their IoU rates.
+        workers: train the candidates, compute their IoU rates, and grasp.
         work: folder for searches/CURVE-PROTOCOL (each a folder of `search`, with its report), simulation-PROTOCOL (a
             folder of `table1`) and iou.json; experiments with the same one share what is equal. Default: `output`.
         command: how the user started it, for the record.
@@ -141,7 +141,7 @@ def run_experiment(
                     poses=conditions.poses,
                     seed=conditions.seed,
                     protocol=protocol,
-                    workers=workers.count,
+                    workers=workers,
                     command=command,
                     on_progress=on_progress,
                 )

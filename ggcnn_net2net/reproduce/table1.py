@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 from ggcnn_net2net.atomic import alone
 from ggcnn_net2net.errors import ResultsError
 from ggcnn_net2net.inference import predict_grasps
+from ggcnn_net2net.parallel import LocalWorkers, Workers
 from ggcnn_net2net.protocol import PAPER, Protocol
 from ggcnn_net2net.reproduce.networks import Network
 from ggcnn_net2net.reproduce.records import GraspRecord, RecordFile
@@ -32,7 +34,7 @@ def run_table1(
     seed: int = 0,
     protocol: Protocol = PAPER,
     gripper: GripperSpec = PAPER_GRIPPER,
-    workers: int = 1,
+    workers: Workers | None = None,
     command: str = "",
     on_progress: Progress = lambda *_: None,
 ) -> Table1:
@@ -49,7 +51,7 @@ def run_table1(
         seed: of the scenes.
         protocol: see `Protocol`.
         gripper: what grasps; the paper's by default. Scenes do not depend on it.
-        workers: processes for the simulation.
+        workers: run the simulation; a single process by default.
         command: how the user started it, for the record.
         on_progress: told about every scene and grasp.
 
@@ -63,7 +65,7 @@ def run_table1(
     refusal = ResultsError(
         f"expected {output} to be free, another process writes results there: wait for it, or choose another --output"
     )
-    with alone(output / "grasps.lock", refusal):
+    with alone(output / "grasps.lock", refusal), nullcontext(workers) if workers else LocalWorkers(1) as pool:
         scene_settings = SceneSettings.of(objects, poses, seed)
         settings = settings_of(scene_settings, protocol, gripper)
         results_file, records_file = output / "results.json", RecordFile(output / "grasps.csv")
@@ -78,7 +80,7 @@ def run_table1(
             output / "scenes.h5",
             objects,
             scene_settings,
-            workers,
+            pool,
             lambda done: on_progress("scenes", done, len(places)),
         )
         for network in networks:
@@ -87,7 +89,7 @@ def run_table1(
             missing = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in records]
             already = len(scenes) - len(missing)
             on_progress(network.name, already, len(places))
-            for done, record in enumerate(_judge(network, missing, protocol, workers, gripper), start=already + 1):
+            for done, record in enumerate(_judge(network, missing, protocol, pool, gripper), start=already + 1):
                 records[record.key] = record
                 records_file.append(record)
                 on_progress(network.name, done, len(places))
@@ -107,7 +109,7 @@ def run_table1(
 
 
 def _judge(
-    network: Network, scenes: Sequence[Scene], protocol: Protocol, workers: int, gripper: GripperSpec
+    network: Network, scenes: Sequence[Scene], protocol: Protocol, workers: Workers, gripper: GripperSpec
 ) -> Iterator[GraspRecord]:
     """Predict a grasp for every scene and execute it."""
     if not scenes:

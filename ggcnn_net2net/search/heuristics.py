@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import keras
 
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.parallel import Workers
     from ggcnn_net2net.simulation.object_sets import ObjectSet
     from ggcnn_net2net.simulation.scenes import SceneSettings
 
@@ -77,7 +78,7 @@ class EvenRows:
         return self._data.rectangles(int(self.rows[row]))
 
 
-def prepare_simulation(settings: SearchSettings, directory: Path, workers: int) -> None:
+def prepare_simulation(settings: SearchSettings, directory: Path, workers: Workers) -> None:
     """Make the scenes on which the heuristic "sim" judges, and put them into the folder of the search.
 
     Raises:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from ggcnn_net2net.atomic import replacing
 from ggcnn_net2net.errors import DatasetError, SearchError, SurgeryError
-from ggcnn_net2net.parallel import Workers
+from ggcnn_net2net.parallel import LocalWorkers, Workers
 from ggcnn_net2net.search.beam import search
 from ggcnn_net2net.search.candidates import root_candidate
 from ggcnn_net2net.search.heuristics import prepare_simulation
@@ -266,7 +266,9 @@ def _search(
     elsewhere = TrainedElsewhere(events[0], map(Path, events[0].get("reuse", ())))
     tree = CandidateTree(directory, events, workers, journal, on_event, elsewhere)
     if tree.settings.heuristic == SIM:
-        prepare_simulation(tree.settings, directory, os.cpu_count() or 1)
+        # Not on a cluster, whose machines need not have the meshes where this one has them.
+        with LocalWorkers(min(max(1, workers.count), os.cpu_count() or 1)) as own:
+            prepare_simulation(tree.settings, directory, own)
     found = search(tree, tree.root, tree.settings.beam, tree.note_lookahead)
     sign = 1 if tree.settings.beam.maximise else -1
     best, _ = max(found.path, key=lambda place: sign * place[1])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from ggcnn_net2net.grasping import Grasp
-from ggcnn_net2net.parallel import Crash, run_parallel
+from ggcnn_net2net.parallel import Crash, Workers
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.simulation.gripper_spec import GripperSpec
 from ggcnn_net2net.simulation.object_sets import ObjectModel, ObjectSet
@@ -30,7 +30,7 @@ def prepare_scenes(
     path: Path,
     objects: ObjectSet,
     settings: SceneSettings,
-    workers: int,
+    workers: Workers,
     on_progress: Callable[[int], None] = lambda _: None,
 ) -> list[Scene]:
     """Scenes of every object and pose: those in `path` are read, missing ones are made and saved there.
@@ -39,7 +39,7 @@ def prepare_scenes(
         path: HDF5 file of the scenes; need not exist.
         objects: the object set.
         settings: of the set of scenes.
-        workers: processes.
+        workers: make them. They have to see the meshes under the same paths.
         on_progress: called with the number of scenes that are there, whenever it changes.
 
     Returns:
@@ -58,7 +58,7 @@ def prepare_scenes(
     saved = time.monotonic()
     try:
         inputs = ((model, pose, settings.seed) for model, pose in missing)
-        for _, scene in run_parallel(_make_scene, inputs, workers):
+        for _, scene in workers.run(_make_scene, inputs):
             if not isinstance(scene, Crash):
                 scenes[scene.key] = scene
                 on_progress(len(scenes))
@@ -75,7 +75,7 @@ def run_trials(
     scenes: Sequence[Scene],
     grasps: Sequence[Grasp | None],
     protocol: Protocol,
-    workers: int,
+    workers: Workers,
     gripper: GripperSpec | None = None,
 ) -> Iterator[tuple[int, TrialResult]]:
     """Execute one grasp on each scene.
@@ -84,7 +84,7 @@ def run_trials(
         scenes: n scenes.
         grasps: a grasp in the pixels of each scene's image, or None where the network found none.
         protocol: see `Protocol`.
-        workers: processes.
+        workers: run them. They have to see the meshes under the same paths.
         gripper: what grasps; the paper's by default.
 
     Yields:
@@ -92,7 +92,7 @@ def run_trials(
         `Outcome.CRASHED`.
     """
     inputs = ((scene, grasp, protocol, gripper) for scene, grasp in zip(scenes, grasps, strict=True))
-    for index, result in run_parallel(_run_trial, inputs, workers):
+    for index, result in workers.run(_run_trial, inputs):
         if isinstance(result, Crash):
             distance = Bin().horizontal_distance(scenes[index].position)
             yield index, TrialResult(Outcome.CRASHED, False, False, distance, 0)

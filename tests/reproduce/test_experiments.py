@@ -321,11 +321,18 @@ def test_all_runs_a_search_of_two_figures_once(asked, monkeypatch):
     monkeypatch.setattr(
         reproduce, "table1", click.Command("table1", callback=lambda **options: told.update(options) or 3)
     )
-    monkeypatch.setattr(figures, "fig1", click.Command("fig1", callback=lambda: None))
+    monkeypatch.setattr(figures, "fig1", click.Command("fig1", callback=lambda output: None))
     options = ["--run", "--data", "my.h5", "--workers", "1", "--poses", "2", "--objects", "ycb40", "--seed", "4"]
     result = CliRunner().invoke(figures.everything, options, standalone_mode=False)
     assert result.return_value == 3  # grasps were lost
-    assert told == {"objects_spec": "ycb40", "poses": 2, "seed": 4, "protocol_name": "paper", "workers": 1}
+    assert told == {
+        "objects_spec": "ycb40",
+        "poses": 2,
+        "seed": 4,
+        "protocol_name": "paper",
+        "workers": 1,
+        "output": None,
+    }
     assert set(asked) == {"fig2", "fig3", "epochs"}
     assert {str(work) for _, _, _, work in asked.values()} == {"results/runs"}
     assert "e=2" in {curve.name for curve in asked["epochs"][0].curves}

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from ggcnn_net2net.reproduce.records import GraspRecord, RecordFile
 
-# More than an object may be called. Surrogates cannot be written as UTF-8, and csv does not quote a carriage return.
-names = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0\r"), min_size=1)
+# More than an object may be called, but not what breaks lines; surrogates cannot be written as UTF-8.
+names = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0\r\n"), min_size=1)
 numbers = st.none() | st.floats(allow_nan=False)
 records = st.builds(
     GraspRecord,

@@ -10,6 +10,7 @@ from rich.console import Console
 from ggcnn_net2net.atomic import alone
 from ggcnn_net2net.errors import ResultsError
 from ggcnn_net2net.model_files import PUBLISHED_SHA256
+from ggcnn_net2net.parallel import Crash, LocalWorkers
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.reproduce.networks import load_networks
 from ggcnn_net2net.reproduce.records import COLUMNS, GraspRecord, RecordFile
@@ -17,9 +18,9 @@ from ggcnn_net2net.reproduce.report import print_table, write_chart, write_markd
 from ggcnn_net2net.reproduce.results import Table1, read_settings, settings_of, summarise, write_results
 from ggcnn_net2net.reproduce.statistics import PairedComparison
 from ggcnn_net2net.reproduce.table1 import run_table1
-from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec, benchmark
+from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.scenes import SceneSettings
-from ggcnn_net2net.simulation.trial import Outcome
+from ggcnn_net2net.simulation.trial import Outcome, decoding_of
 from ggcnn_net2net.zoo import files
 
 
@@ -45,7 +46,9 @@ def run(networks, objects, output, **options):
 
 
 def test_table_and_files(original, blind, objects, tmp_path):
-    table = run([original, blind, *load_networks(["optimized"])], objects, tmp_path / "out", command="me", workers=2)
+    with LocalWorkers(2) as workers:
+        networks = [original, blind, *load_networks(["optimized"])]
+        table = run(networks, objects, tmp_path / "out", command="me", workers=workers)
     first, second, missing = table.rows
     assert (first.success.trials, second.success.trials, missing.success.trials) == (6, 6, 0)
     assert first.success.successes >= 3
@@ -192,20 +195,24 @@ def test_a_damaged_gripper_in_the_settings(objects, tmp_path, gripper):
         read_settings(path)
 
 
-def test_lost_grasps_are_said_and_repeated(original, objects, tmp_path, monkeypatch):
-    whole = benchmark.run_parallel
+@pytest.mark.parametrize("protocol", [PAPER, CORRECTED], ids=["PAPER", "CORRECTED"])
+def test_maps_are_decoded_as_the_protocol_says(network, objects, tmp_path, protocol):
+    run([network("blind", 0, "b" * 64)], objects, tmp_path, protocol=protocol)
+    assert network.decodings == [decoding_of(protocol)]
 
-    def lose_one(function, inputs, workers):
-        for index, result in whole(function, inputs, workers):
-            yield index, benchmark.Crash(11, 2) if index == 4 else result
 
-    monkeypatch.setattr(benchmark, "run_parallel", lose_one)
-    table = run([original], objects, tmp_path)
+def test_lost_grasps_are_said_and_repeated(original, objects, tmp_path):
+    class Losing(LocalWorkers):
+        def run(self, function, inputs):
+            for index, result in super().run(function, inputs):
+                yield index, Crash(11, 2) if index == 4 else result
+
+    with Losing(1) as workers:
+        table = run([original], objects, tmp_path, workers=workers)
     assert table.crashed == 2  # one without a scene, one without a trial
     assert table.rows[0].success.trials == 6
     assert json.loads((tmp_path / "results.json").read_text())["finished"] is False
     assert "INCOMPLETE: 2 grasp(s)" in (tmp_path / "table1.md").read_text()
-    monkeypatch.undo()
 
 
 def test_lost_grasps_are_run_again(original, objects, tmp_path):
@@ -350,5 +357,6 @@ def test_published_network_end_to_end(objects, tmp_path, data_root):
     networks = load_networks(["original"])
     assert networks[0].sha256 == PUBLISHED_SHA256
     assert networks[0].parameters == 62_420
-    table = run(networks, objects, tmp_path, workers=2)
+    with LocalWorkers(2) as workers:
+        table = run(networks, objects, tmp_path, workers=workers)
     assert table.rows[0].success.successes >= 4

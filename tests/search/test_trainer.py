@@ -32,6 +32,7 @@ from ggcnn_net2net.search.trainer import checkpoint_dir, model_file
 from ggcnn_net2net.simulation.benchmark import prepare_scenes, run_trials
 from ggcnn_net2net.simulation.object_sets import load_object_set
 from ggcnn_net2net.simulation.scenes import SceneSettings, depth_images
+from ggcnn_net2net.simulation.trial import decoding_of
 from ggcnn_net2net.training import Recipe
 
 PUBLISHED_LOSS = replace(CORRECTED, masked_loss=False)
@@ -229,11 +230,12 @@ def test_successive_halving_goes_on_where_a_rung_ended(one_step):
 @pytest.mark.slow
 def test_the_score_in_simulation_is_the_benchmarks(data_root, dataset, tmp_path):
     settings = replace(SMALL, heuristic="sim", sim_objects="training:3:1", sim_poses=2)
-    prepare_simulation(settings, tmp_path, workers=2)
     network = load_ggcnn("published")
     objects = load_object_set("training:3:1", settings.protocol)
-    scenes = prepare_scenes(tmp_path / "scenes.h5", objects, SceneSettings.of(objects, 2, 0), workers=2)
-    grasps = predict_grasps(network, depth_images(scenes))
-    successes = [result.success for _, result in run_trials(scenes, grasps, settings.protocol, workers=2)]
+    with LocalWorkers(2) as workers:
+        prepare_simulation(settings, tmp_path, workers)
+        scenes = prepare_scenes(tmp_path / "scenes.h5", objects, SceneSettings.of(objects, 2, 0), workers)
+        grasps = predict_grasps(network, depth_images(scenes), decoding_of(settings.protocol))
+        successes = [result.success for _, result in run_trials(scenes, grasps, settings.protocol, workers)]
     assert len(successes) == 6
     assert 0 < score(network, settings, dataset, tmp_path) == sum(successes) / 6
