@@ -67,8 +67,6 @@ class Entry(Generic[Node]):
     score: float
     parent: Entry[Node] | None
     """None for the root of the lookahead."""
-    rank: int = 0
-    """Place among all nodes of its level, 0 for the best."""
     kept: bool = True
     """Whether it is among the nodes that are expanded."""
 
@@ -162,13 +160,14 @@ def _ranked(
     sign = -1 if settings.maximise else 1
     order = sorted(range(len(born)), key=lambda index: (math.isnan(scores[index]), sign * scores[index]))
     return tuple(
-        Entry(*_child(born[index], scores[index]), rank, rank < settings.width and not math.isnan(scores[index]))
+        Entry(
+            node=born[index][0],
+            score=scores[index],
+            parent=born[index][1],
+            kept=rank < settings.width and not math.isnan(scores[index]),
+        )
         for rank, index in enumerate(order)
     )
-
-
-def _child(birth: tuple[Node, Entry[Node]], score: float) -> tuple[Node, float, Entry[Node]]:
-    return birth[0], score, birth[1]
 
 
 def _path_to(leaf: Entry[Node]) -> tuple[Entry[Node], ...]:

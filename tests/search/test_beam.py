@@ -153,13 +153,14 @@ def test_wrong_settings(wrong):
 
 
 @st.composite
-def trees(draw) -> dict[Node, float]:
-    """Up to three children a node, four levels; few different scores, so that many are equal."""
+def trees(draw, failing: bool = False) -> dict[Node, float]:
+    """Up to three children a node, three levels below the root; few different scores, so that many are equal."""
     scores: dict[Node, float] = {(): 0.0}
     for depth, turns in product(range(1, 4), [range(3)]):
         for node in [node for node in scores if len(node) == depth - 1]:
             for turn in draw(st.lists(st.sampled_from(turns), unique=True, max_size=3)):
-                scores[*node, turn] = float(draw(st.integers(0, 4)))
+                failed = failing and draw(st.integers(0, 4)) == 0
+                scores[*node, turn] = math.nan if failed else float(draw(st.integers(0, 4)))
     return scores
 
 
@@ -189,6 +190,47 @@ def test_a_beam_that_keeps_everything_agrees_with_brute_force(scores, depth):
         expected.append(leaf[: len(expected[-1]) + 1])
     assert [scores[node] for node in nodes_of(result)] == [scores[node] for node in expected]
     assert nodes_of(result) == expected
+
+
+def plain_search(scores: dict[Node, float], settings: BeamSearch) -> list[Node]:
+    """The path of a search, as the paper tells it, without anything that is kept on the way."""
+    sign = 1 if settings.maximise else -1
+    path: list[Node] = [()]
+    for levels in range(settings.depth, 0, -1):
+        beam, reached = [path[-1]], []
+        for _ in range(levels):
+            born = [child for parent in beam for child in Toy(scores).children(parent)]
+            beam = sorted(
+                (child for child in born if scores[child] == scores[child]), key=lambda child: -sign * scores[child]
+            )[: settings.width]
+            reached = beam or reached
+        if not reached:
+            break
+        leaf = reached[-1] if settings.last_entry and settings.lookahead and levels == 1 else reached[0]
+        if not settings.lookahead:
+            return [leaf[:depth] for depth in range(len(leaf) + 1)]
+        path.append(leaf[: len(path)])
+        gains = [sign * scores[node] for node in path]
+        patience = settings.patience or len(gains)
+        if len(gains) > patience and max(gains[-patience:]) <= max(gains[:-patience]):
+            break
+    return path
+
+
+@given(
+    trees(failing=True),
+    st.builds(
+        BeamSearch,
+        width=st.integers(1, 3),
+        depth=st.integers(1, 4),
+        lookahead=st.booleans(),
+        maximise=st.booleans(),
+        last_entry=st.booleans(),
+        patience=st.none() | st.integers(1, 3),
+    ),
+)
+def test_any_search_agrees_with_a_plain_one(scores, settings):
+    assert nodes_of(search(Toy(scores), (), settings)) == plain_search(scores, settings)
 
 
 @given(trees(), st.integers(1, 3), st.integers(1, 4), st.booleans(), st.booleans())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import subprocess
 import sys
 import warnings
 from contextlib import contextmanager
@@ -314,8 +315,11 @@ def test_metadata_that_is_not_there(tmp_path):
 
 
 def test_importing_the_function_does_not_import_tensorflow():
-    assert callable(gn.export)
-    assert gn.export.__name__ == "export"
+    code = "import sys, ggcnn_net2net as gn; print(gn.export.__name__, *sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    name, *loaded = done.stdout.split()
+    assert name == "export"
+    assert not {"tensorflow", "keras", "onnx"} & set(loaded)
 
 
 def test_a_grasp_is_seen_where_there_is_one(depth, tmp_path):
