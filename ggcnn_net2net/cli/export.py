@@ -65,12 +65,12 @@ def export_command(
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for heading in ("written", "bytes", "difference", "same grasp", "runtime"):
         table.add_column(heading, justify="right" if heading == "bytes" else "left", overflow="fold")
+    images: dict[str, Any] = {}
     try:
         for model, target in jobs:
-            images = None
-            if representative is not None:
-                images = read_representative(representative, input_size(load_ggcnn(model)))
-            export(model, target, quantization=quantize, representative=images)
+            if representative is not None and model not in images:
+                images[model] = read_representative(representative, input_size(load_ggcnn(model)))
+            export(model, target, quantization=quantize, representative=images.get(model))
             table.add_row(str(target), *_facts(target, read_metadata(target)))
     finally:
         if table.row_count:  # also what was written before an error

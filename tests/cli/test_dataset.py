@@ -9,7 +9,10 @@ import pytest
 from click.testing import CliRunner
 
 from ggcnn_net2net.cli.dataset import dataset
+from ggcnn_net2net.datasets.simulated import Simulation
 from ggcnn_net2net.errors import DatasetError, GripperError
+from ggcnn_net2net.protocol import CORRECTED
+from ggcnn_net2net.simulation import PAPER_GRIPPER
 
 
 def call(*arguments):
@@ -60,6 +63,26 @@ def test_from_raw_to_joined(folder, tmp_path):
 @pytest.mark.parametrize("command", ["build", "concat", "split", "preview", "info"])
 def test_every_command_has_an_example(command):
     assert "Example: ggcnn-net2net dataset " + command in call(command, "--help")
+
+
+def test_the_options_of_simulate_reach_the_simulation(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "ggcnn_net2net.datasets.simulated.simulate_folder", lambda *given: asked.append(given) or {"pcd0000": 3}
+    )
+    options = ("--noise", 0.002, "--missing", 0.3, "--sides", 0.2, 0.32, "--tried-labels", "--seed", 7, "--workers", 3)
+    call("simulate", "-o", tmp_path, "--scenes", 9, "--protocol", "corrected", *options)
+    ((folder, count, settings, workers, _),) = asked
+    assert (folder, count, workers) == (tmp_path, 9, 3)
+    assert settings == Simulation(
+        seed=7,
+        noise=0.002,
+        missing=0.3,
+        tried_labels=True,
+        sides=(0.2, 0.32),
+        protocol=CORRECTED,
+        gripper=PAPER_GRIPPER,
+    )
 
 
 def test_scenes_for_a_gripper(tmp_path):

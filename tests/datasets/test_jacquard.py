@@ -1,5 +1,6 @@
 import shutil
 
+import cv2
 import numpy as np
 import pytest
 
@@ -16,6 +17,45 @@ from ggcnn_net2net.grasping import rectangle_to_grasp
 @pytest.fixture
 def folder(data_root):
     return data_root / "jacquard_samples"
+
+
+@pytest.fixture
+def made(tmp_path):
+    """A scene as Jacquard has it, of 600x600 px: a bar, and a grasp across it, turned clockwise by 30 degrees."""
+    folder = tmp_path / "bar"
+    folder.mkdir()
+    rows, cols = np.indices((600, 600))
+    turn = np.radians(30)
+    across, along = (
+        (cols - 400) * np.cos(turn) + (rows - 200) * np.sin(turn),
+        (rows - 200) * np.cos(turn) - (cols - 400) * np.sin(turn),
+    )
+    bar = (np.abs(across) < 20) & (np.abs(along) < 120)
+    depth = np.where(bar, 1.4, 1.5).astype(np.float32)
+    cv2.imwrite(str(folder / "0_bar_RGB.png"), np.where(bar, 200, 50)[..., None].repeat(3, -1).astype(np.uint8))
+    cv2.imwrite(str(folder / "0_bar_perfect_depth.tiff"), depth)
+    depth[500:505, 100:105] = -1
+    cv2.imwrite(str(folder / "0_bar_stereo_depth.tiff"), depth)
+    (folder / "0_bar_grasps.txt").write_text("400.0;200.0;30.0;60.0;20.0\n")
+    return tmp_path
+
+
+def test_a_scene_in_numbers(made):
+    (scene,) = open_scenes(made)
+    assert (scene.name, scene.object_name, scene.depth.shape) == ("0_bar", "bar", (300, 300))
+    grasp, jaw = rectangle_to_grasp(scene.rectangles[0])
+    # The centre of pixel 400 of 600 is that of pixel 199.75 of 300; the angle counts counter-clockwise.
+    assert (grasp.row, grasp.col) == pytest.approx((99.75, 199.75))
+    assert (grasp.angle, grasp.width_px, jaw) == pytest.approx((-np.radians(30), 30, 10))
+    on_bar = [corners.mean(axis=0) for corners in (scene.rectangles[0],)]
+    beside = [scene.rectangles[0][edge].mean(axis=0) for edge in ([0, 3], [1, 2])]
+    depths = [scene.depth[tuple(np.round(point).astype(int))] for point in (*on_bar, *beside)]
+    assert depths == pytest.approx([1.4, 1.5, 1.5])
+
+
+def test_holes_of_the_stereo_camera_are_filled(made):
+    perfect, stereo = (open_jacquard(made, depth)[0].depth for depth in ("perfect", "stereo"))
+    np.testing.assert_allclose(stereo, perfect, atol=1e-4)
 
 
 def test_real_scenes(folder):
