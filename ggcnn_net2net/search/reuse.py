@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from ggcnn_net2net.atomic import replacing
-from ggcnn_net2net.datasets.hdf5 import GraspDataset
 from ggcnn_net2net.search.journal import JOURNAL_FILE, Event, read_events
 from ggcnn_net2net.search.settings import SearchSettings
 from ggcnn_net2net.search.trainer import Job, model_file
@@ -78,6 +77,8 @@ def differences(settings: SearchSettings, dataset: Path, directory: Path) -> lis
         Names of what differs and matters to a candidate, such as "recipe.images_per_epoch" or "train images"; none
         also where there is no search.
     """
+    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+
     events = read_events(directory / JOURNAL_FILE)
     if not events:
         return []
