@@ -58,7 +58,7 @@ def label_grasps(world: World, body: int, scene: Scene, place: float, gripper: G
     Returns:
         Grasps that agree with each other; none, if the object offers none.
     """
-    found = _candidates(world, body, scene, AntipodalRule(), gripper)
+    found = candidate_grasps(world, body, scene, AntipodalRule(), gripper)
     return found.only(agreeing(found.grasps, place))
 
 
@@ -88,11 +88,11 @@ def tried_grasps(
     Returns:
         Grasps that agree with each other; none, if none of those that were tried holds.
     """
-    found = _candidates(world, body, scene, LOOSE_RULE, gripper)
+    found = candidate_grasps(world, body, scene, LOOSE_RULE, gripper)
     if len(found.grasps) == 0:
         return found
     tried = rng.permutation(len(found.grasps))[:TRIES]
-    targets = [_target(found.grasps, index) for index in tried]
+    targets = [target_of(found.grasps, index) for index in tried]
     held = np.array([lifts(world, scene, target, protocol, gripper) for target in targets])
     holding = found.only(_like_holding(found.grasps, tried, held))
     return holding.only(agreeing(holding.grasps, place))
@@ -120,8 +120,19 @@ def label_rectangles(labels: Labels, depth: npt.NDArray[np.floating], camera: Ca
     return np.array(corners).reshape(-1, 4, 2)
 
 
-def _candidates(world: World, body: int, scene: Scene, rule: AntipodalRule, gripper: GripperSpec) -> Labels:
-    """All grasps by a rule, at points spread evenly over what the camera sees of the object."""
+def candidate_grasps(world: World, body: int, scene: Scene, rule: AntipodalRule, gripper: GripperSpec) -> Labels:
+    """All grasps by a rule, at points spread evenly over what the camera sees of the object.
+
+    Args:
+        world: with the object at rest.
+        body: the object's id.
+        scene: how it is seen; depth without noise.
+        rule: what makes a grasp.
+        gripper: what is to grasp.
+
+    Returns:
+        The grasps, whether they agree with each other or not.
+    """
     points = scene.camera.world_from_image(scene.depth)
     seen = points[..., 2] > _LOWEST
     stride = max(int(np.ceil(np.sqrt(seen.sum() / _POINTS))), 1)
@@ -132,7 +143,16 @@ def _candidates(world: World, body: int, scene: Scene, rule: AntipodalRule, grip
     return Labels(grasps, np.stack([rows, cols], axis=1)[grasps.origin])
 
 
-def _target(grasps: AntipodalGrasps, index: int) -> WorldGrasp:
+def target_of(grasps: AntipodalGrasps, index: int) -> WorldGrasp:
+    """One of the grasps, as the simulator executes it.
+
+    Args:
+        grasps: n grasps.
+        index: which.
+
+    Returns:
+        Point, yaw and opening.
+    """
     x, y, z = grasps.point[index].tolist()
     return WorldGrasp((x, y, z), float(grasps.angle[index]), float(grasps.opening[index]))
 
