@@ -21,7 +21,7 @@ from rich.table import Table
 
 from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED, WORKERS
 from ggcnn_net2net.datasets.simulated_labels import candidate_grasps, target_of
-from ggcnn_net2net.parallel import LocalWorkers
+from ggcnn_net2net.parallel import Crash, LocalWorkers
 from ggcnn_net2net.protocol import Protocol, protocol_named
 from ggcnn_net2net.reproduce.statistics import Rate
 from ggcnn_net2net.simulation import PAPER_GRIPPER
@@ -36,6 +36,8 @@ def grasps_by_geometry(world: World, scene: Scene, tries: int, rng: np.random.Ge
     """Up to `tries` grasps, those of the strict rule before those of the loose one."""
     left = tries
     for rule in (AntipodalRule(), LOOSE_RULE):
+        if not left:
+            return
         world.reset()
         body = world.add_object(scene.model, scene.position, scene.orientation)
         found = candidate_grasps(world, body, scene, rule, PAPER_GRIPPER).grasps
@@ -72,7 +74,7 @@ def main(objects_spec: str, poses: int, tries: int, seed: int, protocol_name: st
     inputs = [(model, pose, seed, protocol, tries) for model in objects.objects for pose in range(poses)]
     with LocalWorkers(workers) as pool:
         done = list(track(pool.run(tries_until_success, inputs), "scenes", total=len(inputs)))
-    outcomes = [outcome for _, outcome in done]
+    outcomes = [(inputs[index][0].name, 0, 0) if isinstance(outcome, Crash) else outcome for index, outcome in done]
     table = Table("within", "success", "rate (95% interval)", title=f"{objects_spec}, {protocol.name}, seed {seed}")
     for most in sorted({1, min(2, tries), min(5, tries), tries}):
         rate = Rate(sum(0 < succeeded <= most for _, _, succeeded in outcomes), len(outcomes))

@@ -258,7 +258,7 @@ def architecture_of(model: keras.Model) -> Architecture:
             )
     for layer in model.layers:
         if layer.name in HEADS:
-            _check_convolution(layer, kernel_size=HEAD_KERNEL_SIZE)
+            _check_convolution(layer, kernel_size=HEAD_KERNEL_SIZE, activation="linear")
         elif type(layer).__name__ in by_class:
             _check_convolution(layer, activation="relu")
     return Architecture(tuple(layers))

@@ -8,6 +8,7 @@ import pickle
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from multiprocessing import connection
 from typing import Any, Protocol
@@ -68,6 +69,22 @@ class LocalWorkers:
     Raises:
         GGCNNError: count below 1.
     """
+
+    @classmethod
+    def of(cls, workers: Workers) -> AbstractContextManager[LocalWorkers]:
+        """These workers if they are of this machine, else as many new ones, but not more than it has cores.
+
+        For work on files that other machines need not have, such as meshes in the user's cache.
+
+        Args:
+            workers: of this machine or of a cluster.
+
+        Returns:
+            A context manager; leaving it ends new workers, and leaves those that were given.
+        """
+        if isinstance(workers, cls):
+            return nullcontext(workers)
+        return cls(min(max(1, workers.count), os.cpu_count() or 1))
 
     def __init__(self, count: int) -> None:
         if count < 1:

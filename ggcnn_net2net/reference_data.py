@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import platformdirs
@@ -92,13 +94,24 @@ def download(url: str, target: Path, sha256: str | None = None) -> Path:
     """
     replaces = target.exists()
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with FileLock(target.with_name(f".{target.name}.lock")):
+        with one_at_a_time(target):
             if replaces or not target.exists():  # else another process has fetched it meanwhile
                 _fetch(url, target, sha256)
     except OSError as error:  # requests' errors are of this kind, too
         raise DataNotFoundError(f"cannot download {url}: {error}") from error
     return target
+
+
+@contextmanager
+def one_at_a_time(target: Path) -> Iterator[None]:
+    """Let one process in that makes `target`; others wait until it is done.
+
+    Args:
+        target: a file; its folder is made if it is missing, and takes a lock file, which stays.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(target.with_name(f".{target.name}.lock")):
+        yield
 
 
 def _fetch(url: str, target: Path, sha256: str | None) -> None:

@@ -33,8 +33,9 @@ def open_network(network: str, input_size: int, seed: int) -> tuple[keras.Model,
 
     path = file_of(network)
     if path is None:
+        model = build_ggcnn(network, input_size=input_size, seed=seed)
         click.echo(f"{network}: an architecture, with new weights", err=True)
-        return build_ggcnn(network, input_size=input_size, seed=seed), network
+        return model, network
     return load_ggcnn(path), opened_name(network, path)
 
 

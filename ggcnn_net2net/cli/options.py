@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 if TYPE_CHECKING:
     from ggcnn_net2net.protocol import Protocol
@@ -27,7 +28,10 @@ class OutputFile(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Check the folder; those that are missing are made later."""
         path = Path(str(super().convert(value, param, ctx)))
-        folder = next(parent for parent in path.absolute().parents if parent.exists())
+        try:
+            folder = next(parent for parent in path.absolute().parents if parent.exists())
+        except PermissionError as error:
+            self.fail(f"expected a folder to write {path.name} to: {error}", param, ctx)
         if not folder.is_dir():
             self.fail(f"expected a folder to write {path.name} to, {folder} is a file", param, ctx)
         if not os.access(folder, os.W_OK):
@@ -79,8 +83,17 @@ WORKERS = click.option(
 )
 
 
+def _with_a_teacher(context: click.Context, parameter: click.Parameter, value: float) -> float:
+    """Refuse a weight that nothing has."""
+    given = parameter.name is not None and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
+    if given and context.params.get("distil") is None:
+        raise click.UsageError("expected --distil TEACHER with --distil-weight, received the weight alone")
+    return value
+
+
 DISTIL_WEIGHT = click.option(
     "--distil-weight",
+    callback=_with_a_teacher,
     default=0.5,
     show_default=True,
     type=click.FloatRange(0, 1, min_open=True),

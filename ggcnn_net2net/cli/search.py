@@ -98,7 +98,12 @@ def search_command() -> None:
 @click.option("--replicates", default=1, show_default=True, type=POSITIVE, help="Beyond the paper: mean of N seeds.")
 @click.option("--wider-noise", type=click.FloatRange(0), help="Beyond the paper: unequal copies. [default: protocol's]")
 @click.option("--carry-optimizer", is_flag=True, help="Beyond the paper: children keep their parent's optimizer state.")
-@click.option("--distil", metavar="TEACHER", help='Beyond the paper: learn from "parent" or from a model file, too.')
+@click.option(
+    "--distil",
+    is_eager=True,
+    metavar="TEACHER",
+    help='Beyond the paper: learn from "parent" or from a model file, too.',
+)
 @DISTIL_WEIGHT
 @click.option("--reuse", multiple=True, type=SEARCH_FOLDER, help="Take candidates that this search has trained.")
 def run(
@@ -127,12 +132,12 @@ def run(
     options["threads"] = options["threads"] or (1 if scheduler else max(1, cores // (workers or cores)))
     settings = _settings(**options)
     size = GraspDataset(dataset, "train").shape[0]
-    for other in reuse:
-        differing = differences(settings, dataset, other)
-        if differing:
-            click.echo(f"Nothing can be taken from {other}, it differs in {', '.join(differing)}", err=True)
     import_tensorflow()
     network, name = open_network(model, size, settings.seed)
+    for other in reuse:
+        differing = differences(network, settings, dataset, other)
+        if differing:
+            click.echo(f"Nothing can be taken from {other}, it differs in {', '.join(differing)}", err=True)
     _watch(
         directory,
         _workers(scheduler, workers or cores),

@@ -61,7 +61,12 @@ POSITIVE = click.IntRange(min=1)
     type=click.Path(path_type=Path, exists=True, file_okay=False),
     help="Raw folder that DATASET was built of: draw new augmentations of its scenes in every epoch. Reads more.",
 )
-@click.option("--distil", metavar="TEACHER", help="Learn the maps of this network, too: a file, published, zoo:NAME.")
+@click.option(
+    "--distil",
+    is_eager=True,
+    metavar="TEACHER",
+    help="Learn the maps of this network, too: a file, published, zoo:NAME.",
+)
 @DISTIL_WEIGHT
 def train_command(
     network: str,
@@ -105,10 +110,12 @@ def train_command(
 
     from ggcnn_net2net.datasets.hdf5 import GraspDataset  # --help must not load what the work needs
     from ggcnn_net2net.model_files import load_ggcnn
+    from ggcnn_net2net.model_files.load import opened_name, source_path
     from ggcnn_net2net.model_files.save import check_writable, save_ggcnn
     from ggcnn_net2net.net2net import parse_operations
     from ggcnn_net2net.protocol import protocol_named
     from ggcnn_net2net.quiet import import_tensorflow
+    from ggcnn_net2net.reference_data import sha256_of
     from ggcnn_net2net.training import Recipe, set_threads
     from ggcnn_net2net.training.distillation import Distilled
     from ggcnn_net2net.training.stages import is_staged, stages_of, train_stages
@@ -116,9 +123,10 @@ def train_command(
     if ops is not None and repeat > 1:
         raise click.UsageError("expected --ops or --repeat, received both: the operations are the stages")
     operations = [None] * repeat if ops is None else parse_operations(ops)
-    source = file_of(network)
-    check_writable(output, dataset, source)
-    _keep_record(output, source)
+    source, teacher = file_of(network), None if distil is None else source_path(distil)
+    check_writable(output, dataset, source, teacher)
+    for read in (network, distil):
+        _keep_record(output, read)
     stored = GraspDataset(dataset, "train")
     data = stored if scenes is None else _fresh_augmentations(stored, scenes)
     protocol = protocol_named(protocol_name)
@@ -136,7 +144,6 @@ def train_command(
     import_tensorflow()
     set_threads(threads)
     model, name = open_network(network, stored.shape[0], seed)
-    teacher = {} if distil is None else _teacher(distil, distil_weight)
     earlier = made_by(network)
     checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
     console = Console()
@@ -144,7 +151,7 @@ def train_command(
         with _progress(sum(stage.recipe.epochs for stage in stages), batch_size, console) as on_progress:
             result = train_stages(
                 model,
-                data if distil is None else Distilled(data, load_ggcnn(distil), distil_weight),
+                data if teacher is None else Distilled(data, load_ggcnn(teacher), distil_weight),
                 recipe,
                 operations,
                 final_epochs,
@@ -157,7 +164,13 @@ def train_command(
         click.echo(f"Finished epochs are kept in {checkpoint_dir}: the same command goes on from there.", err=True)
         raise
     save_ggcnn(result.model, output)
-    facts = {"network": name, "threads": threads, "fresh_augmentations": scenes is not None, **teacher}
+    facts = {"network": name, "threads": threads, "fresh_augmentations": scenes is not None}
+    if distil is not None and teacher is not None:
+        facts["teacher"] = {
+            "network": opened_name(distil, teacher),
+            "sha256": sha256_of(teacher),
+            "weight": distil_weight,
+        }
     if earlier is not None:
         facts["network_made_by"] = earlier
     _write_records(output, result, recipe, stored, facts, stages if is_staged(operations) else [])
@@ -165,20 +178,12 @@ def train_command(
     click.echo(f"written to {output}, with .csv, .png and .json beside it")
 
 
-def _teacher(distil: str, weight: float) -> dict[str, Any]:
-    """For the record."""
-    from ggcnn_net2net.model_files.load import opened_name, source_path
-    from ggcnn_net2net.reference_data import sha256_of
-
-    path = source_path(distil)
-    return {"teacher": {"network": opened_name(distil, path), "sha256": sha256_of(path), "weight": weight}}
-
-
-def _keep_record(output: Path, source: Path | None) -> None:
-    """Refuse to write over the record of the network that the training starts from: what lies beside it."""
+def _keep_record(output: Path, network: str | None) -> None:
+    """Refuse to write over the record of a network that is read: what lies beside it."""
     from ggcnn_net2net.errors import ModelFileError
 
-    if source is None or not source.with_suffix(".json").exists():
+    source = None if network is None else file_of(network)
+    if source is None or network is None or made_by(network) is None:
         return
     if source.resolve().with_suffix("") == output.resolve().with_suffix(""):
         raise ModelFileError(

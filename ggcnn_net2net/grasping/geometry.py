@@ -58,7 +58,7 @@ def closing_angles(rectangles: npt.NDArray[np.float64]) -> npt.NDArray[np.float6
 
 def _wrapped(angles: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     wrapped = (angles + np.pi / 2) % np.pi - np.pi / 2
-    return np.where(wrapped < np.pi / 2, wrapped, -np.pi / 2)  # just below a multiple of π, % may round up to π
+    return np.where(wrapped >= np.pi / 2, -np.pi / 2, wrapped)  # just below a multiple of π, % may round up to π
 
 
 def grasp_to_rectangle(grasp: Grasp, jaw_px: float | None = None) -> npt.NDArray[np.float64]:

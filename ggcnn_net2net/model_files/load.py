@@ -116,7 +116,7 @@ def read_model_file(path: Path) -> StoredModel:
     Raises:
         ModelFileError: unknown suffix, damaged, or a model that cannot be rebuilt safely.
     """
-    from ggcnn_net2net.net2net.history import set_history  # net2net is a later room
+    from ggcnn_net2net.net2net.history import set_history
 
     reader = _READERS.get(path.suffix)
     if reader is None:

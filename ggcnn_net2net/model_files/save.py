@@ -35,7 +35,7 @@ def save_ggcnn(model: keras.Model, path: str | Path) -> Path:
     Raises:
         ModelFileError: another suffix, or `model` is not a working GG-CNN.
     """
-    from ggcnn_net2net.net2net.history import history_of  # net2net is a later room
+    from ggcnn_net2net.net2net.history import history_of
 
     path = Path(path)
     check_writable(path)

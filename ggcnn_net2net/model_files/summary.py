@@ -133,7 +133,7 @@ def model_summary(source: str | Path) -> ModelSummary:
 
 def _numbers(model: keras.Model) -> dict[str, int]:
     """The paper's number of each layer that it has one for; empty where no surgery is possible."""
-    from ggcnn_net2net.net2net.channels import Channels  # net2net is a later room
+    from ggcnn_net2net.net2net.channels import Channels
     from ggcnn_net2net.net2net.graph import ModelGraph
 
     try:

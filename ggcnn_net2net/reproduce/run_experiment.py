@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ggcnn_net2net.atomic import write_text
 from ggcnn_net2net.errors import ResultsError, SearchError
-from ggcnn_net2net.parallel import Crash
+from ggcnn_net2net.parallel import Crash, LocalWorkers
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.reproduce.curves import IOU, SCORE, SIM, CurvePoint, read_points, write_points
 from ggcnn_net2net.reproduce.experiments import LEARNING_RATE, Curve, Experiment
@@ -87,7 +87,7 @@ def run_experiment(
         experiment: the curves, see `experiments.part_of`.
         conditions: data, budget, limit, learning rate, seed and objects.
         output: folder of results.csv.
-        workers: train the candidates, compute their IoU rates, and grasp.
+        workers: train the candidates, compute their IoU rates, and grasp; the last on this machine alone.
         work: folder for searches/CURVE-PROTOCOL (each a folder of `search`, with its report), simulation-PROTOCOL (a
             folder of `table1`) and iou.json; experiments with the same one share what is equal. Default: `output`.
         command: how the user started it, for the record.
@@ -123,7 +123,7 @@ def run_experiment(
                 history = _search(curve, conditions, protocol, directory, workers, command, on_event)
             found = _networks_of(curve, history, directory)
             networks += found
-            with views.judging(title) as on_progress:
+            with views.judging(title) as on_progress, LocalWorkers.of(workers) as own:
                 iou = _iou_rates(
                     found,
                     directory,
@@ -141,7 +141,7 @@ def run_experiment(
                     poses=conditions.poses,
                     seed=conditions.seed,
                     protocol=protocol,
-                    workers=workers,
+                    workers=own,
                     command=command,
                     on_progress=on_progress,
                 )

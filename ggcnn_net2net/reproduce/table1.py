@@ -65,7 +65,10 @@ def run_table1(
     refusal = ResultsError(
         f"expected {output} to be free, another process writes results there: wait for it, or choose another --output"
     )
-    with alone(output / "grasps.lock", refusal), nullcontext(workers) if workers else LocalWorkers(1) as pool:
+    with (
+        alone(output / "grasps.lock", refusal),
+        nullcontext(workers) if workers is not None else LocalWorkers(1) as pool,
+    ):
         scene_settings = SceneSettings.of(objects, poses, seed)
         settings = settings_of(scene_settings, protocol, gripper)
         results_file, records_file = output / "results.json", RecordFile(output / "grasps.csv")

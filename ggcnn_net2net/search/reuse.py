@@ -7,12 +7,17 @@ import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ggcnn_net2net.atomic import replacing
+from ggcnn_net2net.search.candidates import root_candidate
 from ggcnn_net2net.search.journal import JOURNAL_FILE, Event, read_events
 from ggcnn_net2net.search.settings import SearchSettings
 from ggcnn_net2net.search.trainer import Job, model_file
+from ggcnn_net2net.versions import versions
+
+if TYPE_CHECKING:
+    import keras
 
 _OF_THE_WAY = ("beam", "max_parameters", "retrain", "max_failures")
 """Settings that decide which candidates are tried, and not what comes of one. How it is trained is in its key, too."""
@@ -65,19 +70,21 @@ class TrainedElsewhere:
         return {**known.event, "taken_from": str(known.directory)}
 
 
-def differences(settings: SearchSettings, dataset: Path, directory: Path) -> list[str]:
+def differences(model: keras.Model, settings: SearchSettings, dataset: Path, directory: Path) -> list[str]:
     """Why nothing can be taken from a search.
 
     Args:
-        settings: of the search that would take.
+        model: that the search would start from that would take.
+        settings: of it.
         dataset: that it would train and score on.
         directory: folder of the other.
 
     Returns:
-        Names of what differs and matters to a candidate, such as "recipe.images_per_epoch" or "train images"; none
-        also where there is no search.
+        Names of what differs and matters to a candidate, such as "recipe.images_per_epoch", "train images" or
+        "network"; none also where there is no search.
     """
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.training.checkpoint import fingerprint_of
 
     events = read_events(directory / JOURNAL_FILE)
     if not events:
@@ -87,9 +94,11 @@ def differences(settings: SearchSettings, dataset: Path, directory: Path) -> lis
     own, other = (_flat(_what_comes_of(values)) for values in (plain, begun["settings"]))
     differing = sorted(name for name in own.keys() | other.keys() if own.get(name) != other.get(name))
     splits = ("train", "test")
-    return differing + [
-        f"{split} images" for split in splits if GraspDataset(dataset, split).fingerprint != begun["data"][split]
-    ]
+    found = {split: GraspDataset(dataset, split).fingerprint for split in splits}
+    differing += [f"{split} images" for split in splits if found[split] != begun["data"][split]]
+    if root_candidate(fingerprint_of(model), begun["data"]["train"]).key != begun["root"]:
+        differing.append("network")
+    return differing if _versions_are(versions(), events) else [*differing, "versions of the packages"]
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

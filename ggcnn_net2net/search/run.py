@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import shutil
 import time
 from collections.abc import Callable, Sequence
@@ -266,8 +265,7 @@ def _search(
     elsewhere = TrainedElsewhere(events[0], map(Path, events[0].get("reuse", ())))
     tree = CandidateTree(directory, events, workers, journal, on_event, elsewhere)
     if tree.settings.heuristic == SIM:
-        # Not on a cluster, whose machines need not have the meshes where this one has them.
-        with LocalWorkers(min(max(1, workers.count), os.cpu_count() or 1)) as own:
+        with LocalWorkers.of(workers) as own:
             prepare_simulation(tree.settings, directory, own)
     found = search(tree, tree.root, tree.settings.beam, tree.note_lookahead)
     sign = 1 if tree.settings.beam.maximise else -1

@@ -53,16 +53,21 @@ def _download_all(folder: Path) -> None:
     rows = _records()
     for row in rows:
         mesh = folder / f"{row['name']}_vhacd.obj"
-        if not mesh.is_file():
-            downloaded = reference_data.download(YCB_URL.format(name=row["name"]), mesh.with_suffix(".download"))
-            try:
-                _verify(downloaded, row)
-            except (ObjectSetError, VerificationError):
-                downloaded.unlink()
-                raise
-            downloaded.replace(mesh)
+        with reference_data.one_at_a_time(mesh):
+            if not mesh.is_file():
+                _download(mesh, row)
     # Written last: its presence says that the folder is complete.
     write_text(folder / "objects.csv", "name\n" + "".join(f"{row['name']}\n" for row in rows))
+
+
+def _download(mesh: Path, row: dict[str, str]) -> None:
+    downloaded = reference_data.download(YCB_URL.format(name=row["name"]), mesh.with_suffix(".download"))
+    try:
+        _verify(downloaded, row)
+    except (ObjectSetError, VerificationError):
+        downloaded.unlink()
+        raise
+    downloaded.replace(mesh)
 
 
 def _records() -> list[dict[str, str]]:

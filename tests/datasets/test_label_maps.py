@@ -69,7 +69,7 @@ def test_targets():
 
 
 @given(arrays(np.float32, (9, 17), elements=st.floats(-2, 2, width=32) | st.just(0.0), fill=st.just(0.0)))
-def test_targets_have_the_bits_of_the_plain_formula(angle):
+def test_targets_are_those_of_the_plain_formula_to_the_last_digit(angle):
     _, cos, sin, _ = np.moveaxis(targets_of(angle, angle, angle), -1, 0)
     np.testing.assert_array_equal(cos, np.cos(2 * angle))
     np.testing.assert_array_equal(sin, np.sin(2 * angle))

@@ -43,6 +43,10 @@ def test_default_jaw_side_is_half_the_opening():
     assert np.hypot(*(corners[2] - corners[1])) == pytest.approx(20)
 
 
+def test_an_angle_that_is_none_stays_none():
+    assert np.isnan(wrap_angle(np.nan))
+
+
 @given(st.floats(-100, 100))
 @example(np.nextafter(-np.pi / 2, -9))  # % rounds it up to π
 @example(np.nextafter(np.pi / 2, 0))

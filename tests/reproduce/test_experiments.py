@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -312,7 +313,8 @@ def test_what_the_options_ask_for(asked):
     assert str(output) == "mine"
 
 
-def test_all_runs_a_search_of_two_figures_once(asked, monkeypatch):
+@pytest.mark.parametrize("folder", [None, "mine"])
+def test_all_runs_a_search_of_two_figures_once(asked, monkeypatch, folder):
     import click
 
     from ggcnn_net2net.cli import reproduce
@@ -321,8 +323,9 @@ def test_all_runs_a_search_of_two_figures_once(asked, monkeypatch):
     monkeypatch.setattr(
         reproduce, "table1", click.Command("table1", callback=lambda **options: told.update(options) or 3)
     )
-    monkeypatch.setattr(figures, "fig1", click.Command("fig1", callback=lambda output: None))
+    monkeypatch.setattr(figures, "fig1", click.Command("fig1", callback=lambda output: told.update(fig1=str(output))))
     options = ["--run", "--data", "my.h5", "--workers", "1", "--poses", "2", "--objects", "ycb40", "--seed", "4"]
+    options += ["-o", folder] if folder else []
     result = CliRunner().invoke(figures.everything, options, standalone_mode=False)
     assert result.return_value == 3  # grasps were lost
     assert told == {
@@ -331,10 +334,12 @@ def test_all_runs_a_search_of_two_figures_once(asked, monkeypatch):
         "seed": 4,
         "protocol_name": "paper",
         "workers": 1,
-        "output": None,
+        "output": Path(folder) / "table1" if folder else None,
+        "fig1": f"{folder or 'results'}/fig1/fig1.png",
     }
     assert set(asked) == {"fig2", "fig3", "epochs"}
-    assert {str(work) for _, _, _, work in asked.values()} == {"results/runs"}
+    assert {str(work) for _, _, _, work in asked.values()} == {f"{folder or 'results'}/runs"}
+    assert str(asked["fig2"][2]) == f"{folder or 'results'}/fig2"
     assert "e=2" in {curve.name for curve in asked["epochs"][0].curves}
 
 

@@ -149,11 +149,15 @@ def test_folders_without_a_search_and_settings_that_need_more_are_refused(search
     assert not (tmp_path / "third" / "journal.jsonl").exists()
 
 
-def test_what_differs_is_named(search, dataset, tmp_path):
+def test_what_differs_is_named(search, model, dataset, tmp_path, monkeypatch):
     _, _, first = search("first")
-    assert differences(replace(WIDER, max_parameters=1500), dataset, first) == []
+    assert differences(model, replace(WIDER, max_parameters=1500), dataset, first) == []
     other = replace(FIRST, score_images=3, recipe=replace(FIRST.recipe, images_per_epoch=8, protocol=PAPER))
-    found = differences(other, write_dataset(tmp_path / "other.h5", train=11), first)
+    found = differences(model, other, write_dataset(tmp_path / "other.h5", train=11), first)
     assert {"recipe.images_per_epoch", "recipe.protocol.name", "score_images", "train images"} <= set(found)
     assert not {"width", "beam.width", "recipe.epochs"} & set(found)
-    assert differences(FIRST, dataset, tmp_path / "none") == []
+    assert differences(model, FIRST, dataset, tmp_path / "none") == []
+    start = build_ggcnn(ARCHITECTURE, input_size=SIZE, seed=1)
+    assert differences(start, FIRST, dataset, first) == ["network"]
+    monkeypatch.setattr("ggcnn_net2net.search.reuse.versions", lambda: {"keras": "99"})
+    assert differences(model, FIRST, dataset, first) == ["versions of the packages"]
