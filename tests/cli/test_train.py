@@ -273,6 +273,13 @@ def test_a_teacher_is_learnt_from_and_on_record(call, tmp_path):
         call(ARCHITECTURE, taught, *options, "--distil", labels)
 
 
+def test_threads_reach_tensorflow(call, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr("ggcnn_net2net.training.set_threads", asked.append)
+    call(ARCHITECTURE, tmp_path / "mine.hdf5", "--epochs", 1, "--no-validation", "--threads", 3)
+    assert asked == [3]
+
+
 def test_a_folder_does_not_hide_an_architecture(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for epochs in (1, 2):  # the second time, the folder "shallow" is there

@@ -94,6 +94,22 @@ def test_crops_stay_within_the_image(centre):
     np.testing.assert_allclose(sample.rectangles, scene.rectangles - corner)
 
 
+@pytest.mark.parametrize("centre", [(20, 30), (75, 100), (140, 20), (10, 190)])
+def test_beyond_the_border_lies_the_mirror_image(centre):
+    """As published; a crop beside the border shows much of it once it is turned."""
+    rows, cols = np.indices(SHAPE)
+    waves = (1 + 0.2 * np.sin(rows / 9) + 0.1 * np.cos(cols / 7) + 0.002 * cols).astype(np.float32)
+    scene = replace(scene_with_spot(Grasp(*centre, 0.2, 30)), depth=waves)
+    middle = scene.rectangles.mean(axis=(0, 1))
+    top, left = np.clip(np.floor(middle).astype(int) - 50, 0, np.array(SHAPE) - 100)
+    for seed in range(4):
+        sample = augment(scene, np.random.default_rng(seed), replace(SMALL, zoom=(1, 1)))
+        angle = np.degrees(np.random.default_rng(seed).uniform(-np.pi, np.pi))
+        turned = rotate(waves, angle, center=middle[::-1], mode="symmetric", preserve_range=True)
+        expected = turned[top : top + 100, left : left + 100]
+        np.testing.assert_allclose(sample.depth, expected - expected.mean(), atol=2e-3)
+
+
 def test_same_as_the_steps_of_the_public_code(data_root):
     """Rotation, crop and zoom one after the other, each interpolated, as published."""
     scene = open_scenes(data_root / "cornell")[0]
