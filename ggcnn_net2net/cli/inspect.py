@@ -74,7 +74,7 @@ def _layer_table(summary: ModelSummary) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)  # fits a GG-CNN into 80 columns
+    table = Table(box=SIMPLE_HEAD, padding=0, pad_edge=False)  # fits a GG-CNN into 80 columns
     table.add_column("#", justify="right")
     for heading in ("layer", "class"):
         table.add_column(heading, overflow="fold")
