@@ -86,14 +86,24 @@ def test_what_ships_can_be_read():
             assert point.value == pytest.approx(point.successes / point.trials)
 
 
-def test_the_shipped_curve_is_the_search_of_the_zoo():
+def test_the_search_of_the_zoo_has_the_papers_form():
     found = zoo.provenance("searched_extended")["search"]
     assert SearchSettings.from_dict(found["settings"]) == FIG2.curves[0].settings("standard", CORRECTED, 0, 1, 67_644)
-    points = [point for point in shipped_points() if (point.curve, point.protocol) == ("e=2", "CORRECTED")]
-    seen = sorted((point for point in points if point.metric == SCORE), key=lambda point: point.depth)
-    assert [(point.operation, point.parameters, point.value) for point in seen] == [
-        (step["operation"], step["parameters"], step["score"]) for step in found["path"]
-    ]
+
+
+def test_shipped_curves_are_whole_and_those_of_a_protocol_start_alike():
+    curves = {}
+    for point in shipped_points():
+        curves.setdefault((point.figure, point.curve, point.protocol), []).append(point)
+    starts = {}
+    for (_, _, protocol), points in curves.items():
+        assert sorted((point.metric, point.depth) for point in points) == sorted(
+            (metric, depth) for metric in (IOU, SIM, SCORE) for depth in range(6)
+        )
+        assert len({(point.budget, point.seed, point.network) for point in points}) == 1
+        (start,) = [point for point in points if (point.metric, point.depth) == (IOU, 0)]
+        starts.setdefault((protocol, start.network, start.objects), set()).add(start.successes)
+    assert {len(found) for found in starts.values()} == {1}
 
 
 def test_curves_without_results_are_named():
