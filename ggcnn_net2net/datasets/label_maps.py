@@ -83,12 +83,9 @@ def targets_of(quality: npt.ArrayLike, angle: npt.ArrayLike, width: npt.ArrayLik
         angle 0, hence cos 1 and sin 0.
     """
     double = 2 * np.asarray(angle, dtype=np.float32)
-    turned = double != 0  # few pixels are labelled, and cos and sin take most of the time
-    cos, sin = np.ones_like(double), np.zeros_like(double)
-    cos[turned], sin[turned] = np.cos(double[turned]), np.sin(double[turned])
     scale = np.float32(RSS_2018.width_scale)
     fraction = np.clip(np.asarray(width, dtype=np.float32), 0, scale) / scale
-    return np.stack([np.asarray(quality, dtype=np.float32), cos, sin, fraction], axis=-1)
+    return np.stack([np.asarray(quality, dtype=np.float32), np.cos(double), np.sin(double), fraction], axis=-1)
 
 
 def checked_rectangles(rectangles: npt.ArrayLike) -> npt.NDArray[np.float64]:
