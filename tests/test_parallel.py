@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -65,6 +66,21 @@ def test_workers_stay_alive_between_runs_and_end_with_the_context():
         assert len(first) == 2
         assert pids_of(workers) == first
     assert not any(map(alive, first))
+
+
+def test_workers_of_this_machine_are_taken_as_they_are_and_stay():
+    with LocalWorkers(1) as workers:
+        with LocalWorkers.of(workers) as own:
+            assert own is workers
+            first = pids_of(own)
+        assert pids_of(workers) == first
+
+
+def test_workers_of_a_cluster_are_not_taken_for_work_on_this_machine():
+    with LocalWorkers.of(SimpleNamespace(count=0)) as own:  # it may have none yet
+        assert (type(own), own.count) == (LocalWorkers, 1)
+    with LocalWorkers.of(SimpleNamespace(count=10**6)) as own:
+        assert own.count == os.cpu_count()
 
 
 def test_leaving_the_context_ends_workers_in_mid_task():
