@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ggcnn_net2net.errors import SearchError
 from ggcnn_net2net.parallel import Crash
 from ggcnn_net2net.search.candidates import ROOT, Candidate
 from ggcnn_net2net.search.journal import Event
@@ -79,12 +80,21 @@ def run_job(job: Job) -> Event:
     """Make, train and score a candidate.
 
     Returns:
-        An event of the journal: "scored", or "failed" with the traceback, whatever went wrong.
+        An event of the journal: "scored", or "failed" with the traceback.
+
+    Raises:
+        SearchError: a file cannot be read or written, a full disk for one. That says nothing of the candidate, so it
+            must not rank last for it.
     """
     started = time.time()
     facts = {**job.facts(), "started": started, "worker": f"{platform.node()}:{os.getpid()}"}
     try:
         outcome = {"event": "scored", **facts, **_train_and_score(job)}
+    except OSError as error:
+        raise SearchError(
+            f"expected to read and write {job.directory} and {job.data}, received {error}: mend it, then go on with "
+            f"`ggcnn-net2net search resume {job.directory}`"
+        ) from error
     except Exception as error:
         message = " ".join(f"{type(error).__name__}: {error}".splitlines()[:1])
         outcome = {"event": "failed", **facts, "error": message, "traceback": traceback.format_exc()}

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import os
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -32,6 +35,19 @@ def write_dataset(path: Path, train: int = 12, test: int = 6) -> Path:
             sample = Sample(f"box{number}", depth - depth.mean(), rgb, rectangles, maps)
             writer.add("train" if number < train else "test", sample)
     return path
+
+
+def run_job_on_full_disk(job):
+    """What a worker makes of a job if it cannot write *deeper(2)*."""
+    from ggcnn_net2net.search import trainer
+
+    def save_ggcnn(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    if str(job.candidate.operation) != "deeper(2)":
+        return trainer.run_job(job)
+    with patch("ggcnn_net2net.model_files.save_ggcnn", save_ggcnn):
+        return trainer.run_job(job)
 
 
 def outcome_of(directory: Path) -> dict:

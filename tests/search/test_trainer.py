@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from search_data import ARCHITECTURE, SIZE, outcome_of
+from search_data import ARCHITECTURE, SIZE, outcome_of, run_job_on_full_disk
 
 from ggcnn_net2net.architecture import build_ggcnn
 from ggcnn_net2net.errors import SearchError
@@ -28,7 +28,7 @@ from ggcnn_net2net.protocol import CORRECTED
 from ggcnn_net2net.search import SearchSettings, load_history, resume_search, start_search
 from ggcnn_net2net.search.heuristics import prepare_simulation, score
 from ggcnn_net2net.search.journal import read_events
-from ggcnn_net2net.search.trainer import checkpoint_dir, model_file
+from ggcnn_net2net.search.trainer import checkpoint_dir, model_file, run_job
 from ggcnn_net2net.simulation.benchmark import prepare_scenes, run_trials
 from ggcnn_net2net.simulation.object_sets import load_object_set
 from ggcnn_net2net.simulation.scenes import SceneSettings, depth_images
@@ -181,6 +181,29 @@ def test_a_training_that_diverges_is_recorded(one_step, tmp_path):
     assert all("TrainingError: expected a finite loss" in one.error for one in history.failed)
     assert all("Traceback" in one.traceback for one in history.failed)
     assert [one.operation for one, _ in history.path] == ["root"]
+
+
+class FullDisk:
+    """Workers whose disk is full when they come to *deeper(2)*."""
+
+    def __init__(self, pool):
+        self._pool = pool
+        self.count = pool.count
+
+    def run(self, function, inputs):
+        assert function is run_job
+        return self._pool.run(run_job_on_full_disk, inputs)
+
+
+@pytest.mark.slow
+def test_a_full_disk_stops_the_search_and_fails_no_candidate(one_step, model, dataset, pool, tmp_path):
+    whole, _ = one_step()
+    with pytest.raises(SearchError, match=r"received \[Errno 28\] No space left .* go on with `.* resume "):
+        start_search(model, dataset, ONE_STEP, tmp_path / "full", FullDisk(pool))
+    before = load_history(tmp_path / "full")
+    assert not before.failed
+    assert not before.finished
+    assert scores(resume_search(tmp_path / "full", pool)) == scores(whole)
 
 
 @pytest.mark.slow
