@@ -57,7 +57,7 @@ def table1(
     \b
     Examples:
       python -m ggcnn_net2net.reproduce table1
-      python -m ggcnn_net2net.reproduce table1 --poses 25   (1,000 grasps a network: what 200 cannot tell apart)
+      python -m ggcnn_net2net.reproduce table1 --poses 25   (1,000 grasps per network: what 200 cannot tell apart)
       python -m ggcnn_net2net.reproduce table1 --objects ycb40 --models original,my_network.hdf5
       python -m ggcnn_net2net.reproduce table1 --objects ycb40 --gripper my_gripper.toml
 

@@ -46,7 +46,7 @@ def run_table1(
     Args:
         networks: rows of the table; those without weights stay empty.
         objects: what is grasped.
-        output: folder for results.json, grasps.csv (a row a grasp), table1.md, table1.png and scenes.h5.
+        output: folder for results.json, grasps.csv (one row per grasp), table1.md, table1.png and scenes.h5.
         poses: random poses of each object.
         seed: of the scenes.
         protocol: see `Protocol`.

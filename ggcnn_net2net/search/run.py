@@ -95,7 +95,7 @@ def resume_search(
     retry_failed: bool = False,
     on_event: OnEvent = lambda _: None,
 ) -> SearchHistory:
-    """Go on with a search where it stopped; what comes of it is the same, bit by bit, as without the interruption.
+    """Go on with a search where it stopped; what comes of it is the same, bit for bit, as without the interruption.
 
     With other versions of the packages it may not be; the journal and the report then tell both.
 

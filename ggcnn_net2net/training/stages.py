@@ -100,7 +100,7 @@ def train_stages(
 
     Each stage applies its operation, *wider* with `recipe.protocol.wider_noise`, and trains with a fresh optimizer, as
     in the paper. `[None] * n` is the control of n operations: the same training without surgery. `[None]` is `train`.
-    The result is a function of the arguments and the number of threads, bit by bit, interrupted or not.
+    The result is a function of the arguments and the number of threads, bit for bit, interrupted or not.
 
     Args:
         model: the network to start from; it is not changed.

@@ -6,7 +6,7 @@ from ggcnn_net2net.errors import TrainingError
 
 
 def set_threads(threads: int) -> None:
-    """Let TensorFlow compute with this number of threads. The same number gives the same weights bit by bit.
+    """Let TensorFlow compute with this number of threads. The same number gives the same weights bit for bit.
 
     Args:
         threads: 1 or more; call it before anything is computed.

@@ -61,7 +61,7 @@ def train(
 ) -> TrainingResult:
     """Train a copy of a GG-CNN.
 
-    The result is a function of the arguments and the number of threads, bit by bit, interrupted or not.
+    The result is a function of the arguments and the number of threads, bit for bit, interrupted or not.
 
     Args:
         model: the network to start from; it is not changed.

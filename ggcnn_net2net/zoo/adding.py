@@ -59,7 +59,7 @@ def add(model_file: Path, provenance: Path | Mapping[str, Any], name: str, folde
         provenance: what made it, as `ggcnn-net2net train` writes it in OUTPUT.json: a file or its content. It must have
             `REQUIRED_FIELDS`, and may have more, such as what `measured` returns; all of it is kept.
         name: of lower case letters, digits and underscores.
-        folder: where to; the package's zoo unless told.
+        folder: where to; by default the package's zoo.
 
     Returns:
         The file that was written, NAME.hdf5; NAME.json is beside it.

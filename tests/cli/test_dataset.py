@@ -1,4 +1,4 @@
-"""The dataset commands on a small folder in Cornell's form."""
+"""The dataset commands on a small folder in Cornell's format."""
 
 from pathlib import Path
 

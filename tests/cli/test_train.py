@@ -189,7 +189,7 @@ def test_an_interrupt_leaves_a_state_to_go_on_from(dataset, tmp_path):
 
 @pytest.fixture
 def raw(tmp_path):
-    """A folder of three scenes in Cornell's form."""
+    """A folder of three scenes in Cornell's format."""
     folder = tmp_path / "raw"
     folder.mkdir()
     random = np.random.default_rng(1)
