@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import pytest
 
 from ggcnn_net2net.atomic import alone, replacing, write_text
@@ -26,6 +29,35 @@ def test_the_suffix_is_kept_for_libraries_that_look_at_it(tmp_path):
     with replacing(tmp_path / "plot.png") as temporary:
         assert temporary.suffix == ".png"
         temporary.touch()
+
+
+WRITE_120_KB = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from ggcnn_net2net.atomic import new_hdf5, replacing
+
+limit = int(sys.argv[2])
+resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+try:
+    with replacing(Path(sys.argv[1])) as temporary, new_hdf5(temporary) as file:
+        for number in range(12):
+            file[f"layer{number}/kernel"] = np.full((5, 5, 10, 5), number, "f8")
+except OSError as error:
+    print(error.strerror)
+"""
+
+
+@pytest.mark.parametrize("limit", [0, 1_000, 20_000, 100_000])
+def test_a_full_disk_is_an_os_error(tmp_path, limit):
+    """Also when it shows as late as when the file is closed, where HDF5's own driver kills the process."""
+    target = tmp_path / "model.hdf5"
+    target.write_text("old")
+    command = [sys.executable, "-c", WRITE_120_KB, str(target), str(limit)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "File too large\n"
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
 
 
 def test_one_block_at_a_time(tmp_path):

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ggcnn_net2net._version import __version__
-from ggcnn_net2net.atomic import replacing
+from ggcnn_net2net.atomic import new_hdf5, replacing
 from ggcnn_net2net.datasets.augmentation import Sample
 from ggcnn_net2net.datasets.label_maps import LabelMaps, targets_of
 from ggcnn_net2net.errors import DatasetError
@@ -65,11 +65,9 @@ class DatasetWriter:
         self._shape: tuple[int, ...] = ()
 
     def __enter__(self) -> DatasetWriter:
-        import h5py
-
         with ExitStack() as stack:
             temporary = stack.enter_context(replacing(self._path))
-            self._file = stack.enter_context(h5py.File(temporary, "w"))
+            self._file = stack.enter_context(new_hdf5(temporary))
             self._seal()  # what JSON cannot hold shows now, not after hours
             stack.callback(self._seal)  # before the file is closed, which is before it is renamed
             self._stack = stack.pop_all()

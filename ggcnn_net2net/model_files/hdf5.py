@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ggcnn_net2net.atomic import new_hdf5
 from ggcnn_net2net.errors import ModelFileError
 from ggcnn_net2net.model_files.keras_config import build_model, keras2_config, normalised_config
 from ggcnn_net2net.model_files.stored_model import StoredModel, optimizer_facts, parse_history
@@ -60,9 +61,7 @@ def read_hdf5(path: Path) -> StoredModel:
 
 def write_hdf5(model: keras.Model, path: Path, history: list[dict[str, Any]]) -> None:
     """Write a model, without optimizer, in the schema of Keras 2.0."""
-    import h5py
-
-    with h5py.File(path, "w") as file:
+    with new_hdf5(path) as file:
         # Bytes, and arrays of bytes for the lists of names: Keras 2 calls .decode() on what it reads.
         file.attrs["backend"] = b"tensorflow"
         file.attrs["keras_version"] = WRITTEN_VERSION.encode()

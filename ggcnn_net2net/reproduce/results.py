@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -147,14 +147,15 @@ def read_settings(path: Path) -> tuple[dict[str, Any], SceneSettings, Protocol, 
 def current_records(folder: Path) -> list[GraspRecord]:
     """The grasps of a results folder, of one set of weights for each name.
 
-    A network that was trained further between two runs has records of both weights. Those of the last run's table
-    count; of a name that it does not show, the weights that came last.
+    Records are kept by weights, under the name that these had first. Every row of the last run's table has the records
+    of its weights here, also where another row has the same; of a name that it does not show, the weights that came
+    last count.
 
     Args:
         folder: of `run_table1`.
 
     Returns:
-        The records in the order of grasps.csv.
+        The records, row by row of the table, and then of other names in the order of grasps.csv.
 
     Raises:
         ResultsError: no such folder, or a damaged one.
@@ -170,8 +171,14 @@ def current_records(folder: Path) -> list[GraspRecord]:
             f"expected {results} to list networks, cannot read it: {error!r}; name another folder"
         ) from error
     records = RecordFile(file).read()
-    weights = {record.model: record.weights for record in records} | shown
-    return [record for record in records if record.weights == weights[record.model]]
+    of_rows = [
+        replace(record, model=name)
+        for name, weights in shown.items()
+        for record in records
+        if record.weights == weights
+    ]
+    latest = {record.model: record.weights for record in records if record.model not in shown}
+    return of_rows + [record for record in records if latest.get(record.model) == record.weights]
 
 
 def check_settings(path: Path, settings: dict[str, Any]) -> None:

@@ -23,7 +23,8 @@ JOURNAL_FILE = "journal.jsonl"
 
 RESUMED = "resumed"
 """Kind of the event that is put down where a search goes on otherwise than it stopped."""
-_DECISIONS = ("lookahead", "committed", "finished")
+_SUPERSEDED = ("failed", "lookahead", "committed", "finished")
+"""What does not count any more once failed candidates are tried again, which may lead elsewhere."""
 
 Event = dict[str, Any]
 """JSON values; the key "event" names its kind."""
@@ -58,7 +59,7 @@ def read_events(path: Path) -> list[Event]:
 
 
 def in_force(events: Sequence[Event]) -> list[Event]:
-    """Events without the decisions from before failed candidates were tried again, which may lead elsewhere.
+    """Events without the failures from before failed candidates were tried again, and the decisions without them.
 
     Args:
         events: of `read_events`.
@@ -67,7 +68,7 @@ def in_force(events: Sequence[Event]) -> list[Event]:
         The others, in their order.
     """
     retried = max((index for index, event in enumerate(events) if event.get("retry_failed")), default=0)
-    return [event for index, event in enumerate(events) if index > retried or event["event"] not in _DECISIONS]
+    return [event for index, event in enumerate(events) if index > retried or event["event"] not in _SUPERSEDED]
 
 
 class Journal:

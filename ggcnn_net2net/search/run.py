@@ -123,15 +123,16 @@ def resume_search(
             journal.append(resumed)
             events.append(resumed)
         root = events[0]["root"]
-        events = [event for event in in_force(events) if not _tried_again(event, retry_failed, root)]
+        events = [event for event in in_force(events) if not _tried_again(event, root)]
         return _search(directory, events, workers, journal, on_event)
 
 
-def _tried_again(event: Event, retry_failed: bool, root: str) -> bool:
-    if event["event"] == "failed":
-        return retry_failed or event["candidate"] == root
+def _tried_again(event: Event, root: str) -> bool:
+    """Whether it says that the first network failed, without which there is no search."""
+    if event.get("candidate") != root:
+        return False
     score = event.get("score", 0.0)
-    return event["event"] == "scored" and event["candidate"] == root and (score is None or math.isnan(score))
+    return event["event"] == "failed" or (event["event"] == "scored" and (score is None or math.isnan(score)))
 
 
 def load_history(directory: Path) -> SearchHistory:

@@ -83,23 +83,34 @@ def run_job(job: Job) -> Event:
         An event of the journal: "scored", or "failed" with the traceback.
 
     Raises:
-        SearchError: a file cannot be read or written, a full disk for one. That says nothing of the candidate, so it
-            must not rank last for it.
+        SearchError: a file cannot be read or written, a full disk for one, or the dataset is damaged. That says nothing
+            of the candidate, so it must not rank last for it.
     """
     started = time.time()
     facts = {**job.facts(), "started": started, "worker": f"{platform.node()}:{os.getpid()}"}
     try:
         outcome = {"event": "scored", **facts, **_train_and_score(job)}
-    except OSError as error:
-        raise SearchError(
-            f"expected to read and write {job.directory} and {job.data}, received {error}: mend it, then go on with "
-            f"`ggcnn-net2net search resume {job.directory}`"
-        ) from error
     except Exception as error:
+        if _is_of_files(error):
+            raise SearchError(
+                f"expected to read and write {job.directory} and {job.data}, received {error}: mend it, then go on "
+                f"with `ggcnn-net2net search resume {job.directory}`"
+            ) from error
         message = " ".join(f"{type(error).__name__}: {error}".splitlines()[:1])
         outcome = {"event": "failed", **facts, "error": message, "traceback": traceback.format_exc()}
     _tidy_up()
     return {**outcome, "seconds": time.time() - started}
+
+
+def _is_of_files(error: BaseException | None) -> bool:
+    """Whether it is an error of the dataset or the disk, or comes from one."""
+    from ggcnn_net2net.errors import DatasetError
+
+    while error is not None:
+        if isinstance(error, (OSError, DatasetError)):
+            return True
+        error = error.__cause__
+    return False
 
 
 def _train_and_score(job: Job) -> dict[str, Any]:

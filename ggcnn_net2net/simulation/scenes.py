@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pybullet
 
-from ggcnn_net2net.atomic import replacing
+from ggcnn_net2net.atomic import new_hdf5, replacing
 from ggcnn_net2net.errors import SceneError
 from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.object_sets import ObjectModel, ObjectSet
@@ -127,9 +127,7 @@ def save_scenes(path: Path, scenes: Iterable[Scene], settings: SceneSettings) ->
         scenes: any number.
         settings: what determines them.
     """
-    import h5py
-
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    with replacing(path) as temporary, new_hdf5(temporary) as file:
         file.attrs["format"] = FORMAT
         file.attrs["settings"] = json.dumps(asdict(settings))
         for scene in scenes:

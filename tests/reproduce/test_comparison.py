@@ -103,6 +103,17 @@ def test_of_a_network_that_was_trained_further_the_last_table_counts(tmp_path):
         current_records(tmp_path)
 
 
+def test_rows_of_the_same_weights_have_the_same_grasps(tmp_path):
+    """They were executed once, under the name of the first."""
+    weights = short_hash("weights" * 9)
+    RecordFile(tmp_path / "grasps.csv").rewrite([replace(row, weights=weights) for row in OLD])
+    records = shown(tmp_path, [{"name": name, "sha256": "weights" * 9} for name in ("old", "copy")])
+    assert compare(records, "old", "copy").paired.p_value == 1
+    assert [row.model for row in records] == ["old"] * len(OLD) + ["copy"] * len(OLD)
+    renamed = shown(tmp_path, [{"name": "copy", "sha256": "weights" * 9}])
+    assert compare(renamed, "old", "copy").first == compare(records, "old", "old").first
+
+
 def shown(folder, networks):
     (folder / "results.json").write_text(json.dumps({"networks": networks}))
     return current_records(folder)

@@ -39,10 +39,14 @@ def write_dataset(path: Path, train: int = 12, test: int = 6) -> Path:
 
 def run_job_on_full_disk(job):
     """What a worker makes of a job if it cannot write *deeper(2)*."""
+    from ggcnn_net2net.errors import ModelFileError
     from ggcnn_net2net.search import trainer
 
     def save_ggcnn(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        try:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError as error:
+            raise ModelFileError(f"cannot save: {error}") from error
 
     if str(job.candidate.operation) != "deeper(2)":
         return trainer.run_job(job)

@@ -360,6 +360,24 @@ def test_a_finished_search_whose_failures_are_tried_again(run, tmp_path):
     assert history.lookaheads == whole.lookaheads
 
 
+def test_an_interrupted_second_try_goes_on_with_a_plain_resume(run):
+    def score(operations, epochs, replicate):
+        return math.nan if operations in (("wider(1)",), ("wider(2)",)) else score_of(operations, epochs, replicate)
+
+    before, workers, directory = run(score=score)
+    assert len(before.failed) == 2
+    whole, _, _ = run()
+    for stop, options in ((1, {"retry_failed": True}), (math.inf, {})):
+        again = ScriptedWorkers(stop_after=stop)
+        again.lineage = workers.lineage
+        with nullcontext() if stop == math.inf else pytest.raises(KeyboardInterrupt):
+            resume_search(directory, again, **options)
+    history = load_history(directory)
+    assert not history.failed
+    assert keys_on(history) == keys_on(whole)
+    assert history.lookaheads == whole.lookaheads
+
+
 def test_other_versions_are_put_down(run, monkeypatch):
     history, _, directory = run()
     monkeypatch.setattr("ggcnn_net2net.search.run.versions", lambda: {"keras": "99"})

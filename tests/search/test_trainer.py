@@ -198,7 +198,9 @@ class FullDisk:
 @pytest.mark.slow
 def test_a_full_disk_stops_the_search_and_fails_no_candidate(one_step, model, dataset, pool, tmp_path):
     whole, _ = one_step()
-    with pytest.raises(SearchError, match=r"received \[Errno 28\] No space left .* go on with `.* resume "):
+    with pytest.raises(
+        SearchError, match=r"received cannot save: \[Errno 28\] No space left .* go on with `.* resume "
+    ):
         start_search(model, dataset, ONE_STEP, tmp_path / "full", FullDisk(pool))
     before = load_history(tmp_path / "full")
     assert not before.failed
