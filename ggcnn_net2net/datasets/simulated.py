@@ -22,7 +22,7 @@ from ggcnn_net2net.datasets.simulated_labels import ALIKE, TRIES, label_grasps, 
 from ggcnn_net2net.errors import DatasetError, ObjectSetError
 from ggcnn_net2net.inpainting import fill_missing
 from ggcnn_net2net.parallel import Crash, run_parallel
-from ggcnn_net2net.protocol import PAPER, Protocol
+from ggcnn_net2net.protocol import CORRECTED, PAPER, Protocol
 from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.antipodal import LOOSE_RULE, AntipodalRule
 from ggcnn_net2net.simulation.camera import Camera
@@ -89,7 +89,8 @@ class Simulation:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON holds them; what was added to the settings later only where it is not the default."""
-        own = {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": self.protocol.name}
+        protocol = self.protocol.name if self.protocol in (PAPER, CORRECTED) else self.protocol.as_dict()
+        own = {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": protocol}
         del own["gripper"], own["tried_labels"], own["sides"]
         sides = {"sides": list(self.sides)} if self.sides else {}
         how = {"label_rule": asdict(LOOSE_RULE), "tries": TRIES, "alike": list(ALIKE)}

@@ -173,7 +173,7 @@ def _search(
     model = _start_of(curve)
     others = _searches_beside(directory)
     # A process cannot change its number of threads, and may train candidates of several curves.
-    usual = max(1, (os.cpu_count() or 1) // workers.count)
+    usual = max(1, (os.cpu_count() or 1) // max(1, workers.count))  # a cluster may have none yet
     threads = next((other.settings.threads for other in others.values()), usual)
     settings = curve.settings(
         conditions.budget, protocol, conditions.seed, threads, conditions.max_parameters, conditions.learning_rate
@@ -277,7 +277,7 @@ def _iou_rates(
     known: dict[str, list[int]] = json.loads(known_file.read_text(encoding="utf-8")) if known_file.is_file() else {}
     keys = [f"{network.sha256} {images} {protocol.name} {made_with}" for network in networks]
     missing = {key: directory / network.file for key, network in zip(keys, networks, strict=True) if key not in known}
-    inputs = [(path, data, protocol, threads) for path in missing.values()]
+    inputs = [(path.absolute(), data.absolute(), protocol, threads) for path in missing.values()]
     on_progress("IoU rate", 0, len(missing))
     for done, (index, counts) in enumerate(workers.run(_iou_counts, inputs), start=1):
         if isinstance(counts, Crash):

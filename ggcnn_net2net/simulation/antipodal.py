@@ -263,6 +263,9 @@ def _profile(heights: _HeightMap, candidates: _Candidates, reach: float, width: 
 
 def _first_run(free: npt.NDArray[np.bool_], length: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """First and last index of the first run of at least `length` true values along the last axis; 0 for none."""
+    if length > free.shape[-1]:
+        none = np.zeros(free.shape[:-1], np.intp)
+        return none, none
     padded = np.concatenate([np.zeros((*free.shape[:-1], 1), np.intp), np.cumsum(free, axis=-1)], axis=-1)
     runs = padded[..., length:] - padded[..., :-length] == length
     begin = runs.argmax(axis=-1)

@@ -173,7 +173,7 @@ def make_model(
     """
     parts = read_parts(mesh)
     side = float(extents(parts).max())
-    if longest_side is not None:
+    if longest_side is not None and side > 0:
         scale = longest_side / side
     if not (scale > 0 and side > 0):
         raise ObjectSetError(f"expected object {name!r} with a positive size, received scale {scale}, side {side}")

@@ -93,6 +93,7 @@ def train(
             "the quality of labels and not of a teacher: use dataclasses.replace(protocol, masked_loss=False)"
         )
     trained = _copy(model)
+    _seed_random_layers(trained, recipe.seed)
     n_steps = len(_batches(recipe, data, 0))
     trained.compile(optimizer=recipe.new_optimizer(n_steps), jit_compile=False)
     trained.optimizer.build(trained.trainable_variables)
@@ -138,6 +139,15 @@ def _copy(model: keras.Model) -> keras.Model:
             variable.assign(value)
     set_history(copied, history_of(model))
     return copied
+
+
+def _seed_random_layers(model: keras.Model, seed: int) -> None:
+    """Start dropout and noise from the seed of the run: Keras draws their state anew whenever a model is built."""
+    for number, layer in enumerate(model.layers):
+        weights = {id(weight) for weight in layer.weights}
+        for variable in layer.variables:
+            if id(variable) not in weights:
+                variable.assign([seed, number])
 
 
 def _carry_optimizer(model: keras.Model, trained: keras.Model) -> str:

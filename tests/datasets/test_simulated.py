@@ -12,6 +12,7 @@ from ggcnn_net2net.datasets.raw import open_scenes
 from ggcnn_net2net.datasets.simulated import Simulation, simulate_folder, simulate_scene
 from ggcnn_net2net.errors import DatasetError
 from ggcnn_net2net.grasping import rectangle_to_grasp
+from ggcnn_net2net.protocol import PAPER
 from ggcnn_net2net.simulation import PAPER_GRIPPER, GripperSpec
 from ggcnn_net2net.simulation.training_objects import shape_of
 from ggcnn_net2net.simulation.trial import run_trial
@@ -123,6 +124,9 @@ def test_sides_that_no_object_can_have_are_refused(sides):
 def test_sides_belong_to_the_settings(folder):
     assert "sides" not in Simulation().as_dict()
     assert Simulation(sides=(0.2, 0.3)).as_dict()["sides"] == [0.2, 0.3]
+    assert Simulation().as_dict()["protocol"] == "PAPER"
+    own = replace(PAPER, object_centre="volume")
+    assert Simulation(protocol=own).as_dict()["protocol"] == own.as_dict()
     with pytest.raises(DatasetError, match=r"sides \(all there, \[0.2, 0.3\] here\)"):
         simulate_folder(folder, 4, Simulation(seed=3, sides=(0.2, 0.3)), workers=1)
 

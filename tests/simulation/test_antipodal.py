@@ -94,6 +94,11 @@ def test_a_small_gripper_grips_the_short_side_alone(box_world):
     assert grasps.opening.max() <= 0.1
 
 
+def test_a_gripper_that_opens_less_than_a_finger_needs_grips_nothing(box_world):
+    tiny = GripperSpec(palm=(0.05, 0.02, 0.01), max_opening=0.015)
+    assert len(find_antipodal_grasps(box_world.client, BODY, [(0, 0, 0.08)], gripper=tiny)) == 0
+
+
 @pytest.mark.parametrize(
     ("place", "free", "blocked"),
     [

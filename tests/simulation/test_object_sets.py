@@ -4,7 +4,7 @@ import trimesh
 from ggcnn_net2net.errors import DataNotFoundError, ObjectSetError
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.simulation.convex import box, write_obj
-from ggcnn_net2net.simulation.object_sets import PYBULLET_FOLDERS, load_object_set
+from ggcnn_net2net.simulation.object_sets import PYBULLET_FOLDERS, load_object_set, make_model
 
 
 @pytest.fixture
@@ -58,6 +58,14 @@ def test_folder_of_other_meshes_is_decomposed(cache, tmp_path):
     assert (model.name, model.category) == ("brick", "Brick")
     assert model.longest_side == pytest.approx(0.2)
     assert cache in model.mesh.parents
+
+
+def test_a_mesh_without_size_is_refused(tmp_path):
+    point = tmp_path / "point.obj"
+    point.write_text("o part\n" + "v 1 2 3\n" * 4 + "f 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
+    for size in ({"longest_side": 0.2}, {"scale": 1.0}):
+        with pytest.raises(ObjectSetError, match="expected object 'point' with a positive size"):
+            make_model("point", "Point", point, PAPER, **size)
 
 
 def test_shapenetsem_uses_the_papers_scales(cache, tmp_path):
