@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ggcnn_net2net.cli.networks import note_other_loss
 from ggcnn_net2net.cli.options import OBJECTS, PROTOCOL, SEED, Picture, command_line
 
 if TYPE_CHECKING:
@@ -268,6 +270,8 @@ def _run(
         protocols=[protocol_named(protocol_name)] if protocol_name else (),
         networks=networks,
     )
+    for network, protocol in itertools.product(sorted({curve.network for curve in part.curves}), part.protocols):
+        note_other_loss(network, protocol)
     import_tensorflow()
     try:
         with LocalWorkers(workers or os.cpu_count() or 1) as pool:

@@ -11,6 +11,8 @@ import click
 if TYPE_CHECKING:
     import keras
 
+    from ggcnn_net2net.protocol import Protocol
+
 
 def open_network(network: str, input_size: int, seed: int) -> tuple[keras.Model, str]:
     """A network with its weights, or a new one, and its name for the record.
@@ -61,6 +63,29 @@ def made_by(network: str) -> dict[str, Any] | None:
     if record.get("model_sha256") != sha256_of(path):
         return None
     return {name: value for name, value in record.items() if name not in MEASURED}
+
+
+def note_other_loss(network: str, protocol: Protocol) -> None:
+    """Say so if a network that learnt with the masked loss is to go on with the published one.
+
+    That counts all pixels: most of the first steps go into the maps where nothing is labelled, which the network was
+    never taught.
+
+    Args:
+        network: as for `open_network`.
+        protocol: of the training to come.
+    """
+    from ggcnn_net2net.model_files.load import PUBLISHED
+
+    record = None if network == PUBLISHED else made_by(network)  # looked for once, which may be a download
+    learnt = ((record or {}).get("recipe") or {}).get("protocol") or {}
+    if learnt.get("masked_loss") and not protocol.masked_loss:
+        click.echo(
+            f"Note: {network} was trained with the loss of {learnt['name']}, over labelled pixels. That of "
+            f"{protocol.name} counts all pixels, and at first undoes what was learnt: use --protocol corrected, or "
+            "start from a network that was trained with --protocol paper",
+            err=True,
+        )
 
 
 def file_of(network: str) -> Path | None:

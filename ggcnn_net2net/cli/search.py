@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ggcnn_net2net.cli.networks import open_network
+from ggcnn_net2net.cli.networks import note_other_loss, open_network
 from ggcnn_net2net.cli.options import DISTIL_WEIGHT, PROTOCOL, command_line, taught
 
 if TYPE_CHECKING:
@@ -134,6 +134,8 @@ def run(
     size = GraspDataset(dataset, "train").shape[0]
     import_tensorflow()
     network, name = open_network(model, size, settings.seed)
+    if settings.distil is None:
+        note_other_loss(model, settings.recipe.protocol)
     for other in reuse:
         differing = differences(network, settings, dataset, other)
         if differing:

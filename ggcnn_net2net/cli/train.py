@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ggcnn_net2net.cli.networks import file_of, made_by, open_network
+from ggcnn_net2net.cli.networks import file_of, made_by, note_other_loss, open_network
 from ggcnn_net2net.cli.options import DISTIL_WEIGHT, PROTOCOL, OutputFile, command_line, taught
 from ggcnn_net2net.versions import versions
 
@@ -144,6 +144,8 @@ def train_command(
     import_tensorflow()
     set_threads(threads)
     model, name = open_network(network, stored.shape[0], seed)
+    if teacher is None:
+        note_other_loss(network, protocol)
     earlier = made_by(network)
     checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
     console = Console()

@@ -16,13 +16,14 @@ from click.testing import CliRunner
 
 import ggcnn_net2net as gn
 from ggcnn_net2net import zoo
-from ggcnn_net2net.cli.networks import made_by
+from ggcnn_net2net.cli.networks import made_by, note_other_loss
 from ggcnn_net2net.cli.train import train_command
 from ggcnn_net2net.datasets.augmentation import Augmentation
 from ggcnn_net2net.datasets.build import build_dataset
 from ggcnn_net2net.datasets.raw import open_scenes
 from ggcnn_net2net.datasets.splits import Split
 from ggcnn_net2net.errors import ArchitectureError, DatasetError, ModelFileError, SurgeryError, TrainingError
+from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.reference_data import sha256_of
 
 ARCHITECTURE = "C5x5x4_C3x3x2_T3x3x2_T5x5x4"
@@ -135,6 +136,15 @@ def test_a_network_of_the_zoo_brings_its_record_without_its_results():
     assert {"sim", "iou"} < set(zoo.provenance("narrow"))
     assert not {"sim", "iou"} & set(record)
     assert made_by("narrow") is None  # the architecture
+
+
+@pytest.mark.parametrize(
+    ("network", "protocol", "noted"),
+    [("zoo:narrow", PAPER, True), ("zoo:narrow", CORRECTED, False), ("narrow", PAPER, False)],
+)
+def test_a_network_that_learnt_with_another_loss_is_noted(network, protocol, noted, capsys):
+    note_other_loss(network, protocol)
+    assert ("trained with the loss of CORRECTED" in capsys.readouterr().err) == noted
 
 
 def test_wrong_operations_are_refused_before_any_training(call, tmp_path):
