@@ -52,7 +52,7 @@ class GripperSpec:
     """Free space between the open fingers."""
     link_mass: float = 1.0
     friction: float = 1.0
-    """Lateral friction of the fingers."""
+    """Lateral friction of fingers and palm."""
     force: float = 1000.0
     """Largest force (torque) of each of the six joints that carry the palm."""
     jaw_force: float = 1000.0
