@@ -119,7 +119,7 @@ class Architecture:
         return total + len(HEADS) * head.parameters(channels)
 
     def multiplications(self, input_size: int = INPUT_SIZE) -> int:
-        """What the convolutions of one image take, the four heads included: work, where `n_parameters` is size.
+        """Number of multiplications per image, heads included: the network's cost, where `n_parameters` is its size.
 
         Args:
             input_size: side of the image in pixels.
@@ -129,7 +129,7 @@ class Architecture:
         """
         side, channels, total = input_size, 1, 0
         for layer in self.layers:
-            # A convolution meets its kernel once for each pixel of its output, a transposed one of its input.
+            # A convolution applies its kernel once per output pixel, a transposed convolution once per input pixel.
             below = side
             side = side * layer.stride if layer.kind == "T" else -(-side // layer.stride)
             total += min(side, below) ** 2 * prod(layer.kernel_size) * channels * layer.filters

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside `path`; when the block ends well, sync it to disk and rename it to `path`.
+    """Yield a temporary path beside `path`; when the block succeeds, sync it to disk and rename it to `path`.
 
-    When the block raises, the temporary file is removed and whatever stood at `path` stays as it was.
+    When the block raises, the temporary file is removed and whatever was at `path` stays as it was.
 
     Args:
-        path: file to appear, or to be replaced; its folder is made if it is missing.
+        path: file to create or replace; its folder is created if it is missing.
 
     Yields:
         The temporary path, with the suffix of `path`.
@@ -67,11 +67,11 @@ def new_hdf5(path: Path) -> Iterator[h5py.File]:
 
 @contextmanager
 def alone(lock_file: Path, refusal: GGCNNError) -> Iterator[None]:
-    """Keep other processes out of a block that has the same lock file; the end of a process lets them in, too.
+    """Run a block that only one process at a time may be in; a process that ends, however it ends, releases the lock.
 
     Args:
-        lock_file: where, stays; its folder is made if it is missing.
-        refusal: raised where another process is in such a block.
+        lock_file: identifies the block; it is left behind, and its folder is created if it is missing.
+        refusal: raised if another process is in the block.
     """
     from filelock import FileLock, Timeout
 

@@ -19,8 +19,9 @@ _CONNECT_SECONDS = 10
 class DaskWorkers:
     """The workers of a Dask cluster; see `parallel.Workers` for the contract of `run`.
 
-    A context manager: leaving it closes the connection, the cluster goes on. Without workers, a run waits for some.
-    Dask cannot stop a function that runs: what has begun when a run stops early goes on to its end, unheard.
+    A context manager: leaving it closes the connection and leaves the cluster running. While there are no workers, a
+    run waits for some. Dask cannot stop a running function: when a run stops early, functions that have begun run to
+    their end, and their results are discarded.
 
     Args:
         address: of the scheduler, "tcp://host:8786".
@@ -70,7 +71,7 @@ class DaskWorkers:
                 suspects[index] = result
             else:
                 yield index, result
-        # Dask blames the death of a worker also on what waited there. The guilty one kills workers when alone, too.
+        # Dask also blames a worker's death on the tasks that waited there. Run alone, only the guilty one kills again.
         for index, first in suspects.items():
             for _, result in self._results(name, {index: tasks[index]}):
                 yield index, Crash(None, first.attempts + result.attempts) if isinstance(result, Crash) else result

@@ -72,7 +72,7 @@ class LocalWorkers:
 
     @classmethod
     def of(cls, workers: Workers) -> AbstractContextManager[LocalWorkers]:
-        """These workers if they are of this machine, else as many new ones, but not more than it has cores.
+        """The given workers if they run on this machine, otherwise as many new local ones, at most one per core.
 
         For work on files that other machines need not have, such as meshes in the user's cache.
 
@@ -80,7 +80,7 @@ class LocalWorkers:
             workers: of this machine or of a cluster.
 
         Returns:
-            A context manager; leaving it ends new workers, and leaves those that were given.
+            A context manager; leaving it ends workers that it started, but not those that were given.
         """
         if isinstance(workers, cls):
             return nullcontext(workers)

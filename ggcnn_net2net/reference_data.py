@@ -79,9 +79,9 @@ def verify(path: Path, sha256: str) -> Path:
 
 
 def download(url: str, target: Path, sha256: str | None = None) -> Path:
-    """Fetch `url` into `target` with a progress bar; a transfer that was cut off goes on where it stopped.
+    """Fetch `url` into `target` with a progress bar; an interrupted transfer continues where it stopped.
 
-    One process at a time does; others that want the same file wait for it.
+    Only one process downloads a file; others that want the same one wait for it.
 
     Args:
         url: address of the file.
@@ -104,10 +104,10 @@ def download(url: str, target: Path, sha256: str | None = None) -> Path:
 
 @contextmanager
 def one_at_a_time(target: Path) -> Iterator[None]:
-    """Let one process in that makes `target`; others wait until it is done.
+    """Let only one process at a time make `target`; others wait until it is done.
 
     Args:
-        target: a file; its folder is made if it is missing, and takes a lock file, which stays.
+        target: a file; its folder is created if it is missing, and keeps a lock file.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     with FileLock(target.with_name(f".{target.name}.lock")):

@@ -1,4 +1,4 @@
-"""Versions of what decides a result, which stand beside every one."""
+"""Versions of the packages that a result depends on; they are stored with every result."""
 
 from __future__ import annotations
 

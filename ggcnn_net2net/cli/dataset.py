@@ -35,7 +35,7 @@ SEED = click.option("--seed", default=0, show_default=True, type=click.IntRange(
 _SHOWN = 20  # problems of a folder that are printed
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group()
 def dataset() -> None:
     """Read, convert, join and look at grasp data.
 
@@ -126,7 +126,7 @@ def build(
 @click.option(
     "--tried-labels",
     is_flag=True,
-    help="Label objects without sure grasps by what holds in simulation, not pass them over. Slow.",
+    help="Label objects without sure grasps by what holds in simulation, instead of skipping them. Slow.",
 )
 @click.option(
     "--sides",

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Progress = Callable[[str, int, int], None]
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group()
 def evaluate() -> None:
     """Try single grasps of a network, look at failures, compare networks, score one on a dataset.
 
@@ -113,7 +113,7 @@ def grasp(
     metavar="SET",
     help="The object set, if it was a folder of yours or shapenetsem:FOLDER.",
 )
-@click.option("--network", default="original", show_default=True, help="Row of the table.")
+@click.option("--network", default="original", show_default=True, help="Network, as named in the table.")
 @click.option("--count", default=10, show_default=True, type=click.IntRange(min=1), help="Most failures to draw.")
 @click.option("-o", "--output", required=True, type=Picture(), help="Picture to write.")
 def failures(results: Path, objects_spec: str | None, network: str, count: int, output: Path) -> None:
@@ -183,7 +183,7 @@ def compare(results: Path, first: str, second: str) -> None:
     help="Processes that decode the maps; more than 1 seldom helps. Results do not depend on it.",
 )
 @click.option("-o", "--output", type=OutputFile(), help="Write the result as JSON.")
-@click.option("--csv", "csv_path", type=OutputFile(), help="Write a CSV row an image.")
+@click.option("--csv", "csv_path", type=OutputFile(), help="Write one CSV row per image and protocol.")
 def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None, csv_path: Path | None) -> None:
     """IoU rate of MODEL (a file, "published" or "zoo:NAME") on DATASET, an HDF5 file of the GG-CNN layout.
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 FORMATS = ("keras", "hdf5", "savedmodel", "tflite", "onnx", "openvino", "pytorch")
 
 
-@click.command("export", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("export")
 @click.argument("models", metavar="MODEL...", nargs=-1, required=True)
 @click.option("--to", "formats", multiple=True, required=True, type=click.Choice(FORMATS), help="May be repeated.")
 @click.option(

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ggcnn_net2net.reproduce.experiments import Experiment
     from ggcnn_net2net.reproduce.run_experiment import Views
 
-HELP = {"help_option_names": ["-h", "--help"]}
 RESULTS = Path("results")
 
 OUTPUT = click.option(
@@ -82,7 +81,7 @@ def running(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-@click.command(context_settings=HELP, short_help="Fig. 1: the simulator, and what a network predicts.")
+@click.command(short_help="Fig. 1: the simulator, and what a network predicts.")
 @click.option("--model", default="published", show_default=True, help='A model file, "published" or zoo:NAME.')
 @OBJECTS
 @click.option("--object", "object_name", default="hammer", show_default=True, help="Name of the object within the set.")
@@ -123,7 +122,7 @@ def fig1(
     click.echo(f"Written to {output}")
 
 
-@click.command(context_settings=HELP, short_help="Fig. 2: four searches from the published network.")
+@click.command(short_help="Fig. 2: four searches from the published network.")
 @OUTPUT
 @NETWORK
 @CURVES
@@ -141,7 +140,7 @@ def fig2(network: str | None, **options: Any) -> None:
     _make("fig2", _for_all("fig2", network), **options)
 
 
-@click.command(context_settings=HELP, short_help="Fig. 3: searches from small networks.")
+@click.command(short_help="Fig. 3: searches from small networks.")
 @OUTPUT
 @NETWORKS
 @CURVES
@@ -157,7 +156,7 @@ def fig3(networks: str | None, **options: Any) -> None:
     _make("fig3", _named(networks), **options)
 
 
-@click.command(context_settings=HELP, short_help="Searches with 2, 5 and 10 epochs after each operation.")
+@click.command(short_help="Searches with 2, 5 and 10 epochs after each operation.")
 @OUTPUT
 @NETWORK
 @CURVES
@@ -173,7 +172,7 @@ def epochs(network: str | None, **options: Any) -> None:
     _make("epochs", _for_all("epochs", network), **options)
 
 
-@click.command("all", context_settings=HELP, short_help="Table I and all figures.")
+@click.command("all", short_help="Table I and all figures.")
 @click.option(
     "-o",
     "--output",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 
-@click.command("grow", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("grow")
 @click.argument("file")
 @click.option("--ops", required=True, help='Operations in order, for example "deeper(3), wider(3)".')
 @click.option("-o", "--output", required=True, type=OutputFile(), help="File to write.")

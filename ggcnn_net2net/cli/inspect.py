@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ggcnn_net2net.model_files import ModelSummary
 
 
-@click.command("inspect", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("inspect")
 @click.argument("file")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as one JSON object.")
 def inspect_command(file: str, as_json: bool) -> None:

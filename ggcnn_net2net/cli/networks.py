@@ -42,7 +42,7 @@ def open_network(network: str, input_size: int, seed: int) -> tuple[keras.Model,
 
 
 def made_by(network: str) -> dict[str, Any] | None:
-    """What made a network, as `ggcnn-net2net train` and the zoo write it beside a model file.
+    """The record of a network's training that `ggcnn-net2net train` and the zoo write beside the model file.
 
     Args:
         network: as for `open_network`.
@@ -66,10 +66,10 @@ def made_by(network: str) -> dict[str, Any] | None:
 
 
 def note_other_loss(network: str, protocol: Protocol) -> None:
-    """Say so if a network that learnt with the masked loss is to go on with the published one.
+    """Print a note if a network trained with the masked loss is to be trained further with the published one.
 
-    That counts all pixels: most of the first steps go into the maps where nothing is labelled, which the network was
-    never taught.
+    The published loss counts all pixels: most of the first steps go into the maps where nothing is labelled, for which
+    the network never had a target.
 
     Args:
         network: as for `open_network`.

@@ -9,7 +9,7 @@ import click
 from ggcnn_net2net.cli.options import PROTOCOL, Picture
 
 
-@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.command()
 @click.argument("objects_spec", metavar="SET", default="procedural40")
 @click.option("--sheet", type=Picture(), help="Write a contact sheet.")
 @PROTOCOL

@@ -20,7 +20,7 @@ PICTURE_SUFFIXES = (".png", ".pdf", ".svg", ".jpg")
 
 
 class OutputFile(click.Path):
-    """A file to write. What is wrong with its name or folder must not come out after the work, when the file is due."""
+    """A file to write, whose name and folder are checked before the work begins and not when the file is written."""
 
     def __init__(self) -> None:
         super().__init__(path_type=Path, dir_okay=False, writable=True)
@@ -84,7 +84,7 @@ WORKERS = click.option(
 
 
 def _with_a_teacher(context: click.Context, parameter: click.Parameter, value: float) -> float:
-    """Refuse a weight that nothing has."""
+    """Refuse --distil-weight without --distil, where it would have no effect."""
     given = parameter.name is not None and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
     if given and context.params.get("distil") is None:
         raise click.UsageError("expected --distil TEACHER with --distil-weight, received the weight alone")
@@ -97,12 +97,12 @@ DISTIL_WEIGHT = click.option(
     default=0.5,
     show_default=True,
     type=click.FloatRange(0, 1, min_open=True),
-    help="Part of the teacher in what is learnt.",
+    help="Weight of the teacher's maps in the targets.",
 )
 
 
 def taught(protocol: Protocol) -> Protocol:
-    """A protocol to train with a teacher in: it labels every pixel, so there is nothing to mask by."""
+    """The protocol for training with a teacher: without `masked_loss`, because a teacher labels every pixel."""
     if not protocol.masked_loss:
         return protocol
     click.echo("A teacher labels every pixel: the loss counts all of them (masked_loss is off).", err=True)
@@ -119,7 +119,7 @@ def command_line() -> str:
 
 
 def gripper_of(file: Path | None) -> GripperSpec:
-    """The gripper that the option names; the paper's without it."""
+    """The gripper described by the file that --gripper names; without one, the paper's."""
     from ggcnn_net2net.simulation import PAPER_GRIPPER, load_gripper
 
     return PAPER_GRIPPER if file is None else load_gripper(file)

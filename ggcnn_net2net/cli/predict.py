@@ -24,7 +24,7 @@ _POLL = 0.5  # seconds between two looks at a watched folder
 _PRESETS = ("rss_2018", "kinova", "mvp", "ggcnn_master", "paper_simulator")  # as PRESETS, which --help must not load
 
 
-@click.command("predict", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("predict")
 @click.argument("images", nargs=-1, type=click.Path(path_type=Path, exists=True), metavar="IMAGE...")
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to fill.")
 @click.option("--network", default="published", show_default=True, help='A model file, "published" or "zoo:NAME".')
@@ -33,7 +33,7 @@ _PRESETS = ("rss_2018", "kinova", "mvp", "ggcnn_master", "paper_simulator")  # a
     default="rss_2018",
     show_default=True,
     type=click.Choice(_PRESETS),
-    help="Whose crop, smoothing and thresholds.",
+    help="The public GG-CNN code whose crop, smoothing and thresholds to use.",
 )
 @click.option(
     "--mode",

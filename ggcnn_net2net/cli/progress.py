@@ -19,7 +19,7 @@ from rich.progress import (
 
 @contextmanager
 def stages(console: Console) -> Iterator[Callable[[str, int, int], None]]:
-    """Give a function (stage, done, total) that keeps one bar a stage, with the time left."""
+    """Yield a function (stage, done, total) that keeps one progress bar per stage, with the time left."""
     bars: dict[str, TaskID] = {}
     columns = (
         TextColumn("{task.description}"),

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ggcnn_net2net.search.history import SearchHistory
     from ggcnn_net2net.search.settings import SearchSettings
 
-HELP = {"help_option_names": ["-h", "--help"]}
 POSITIVE = click.IntRange(min=1)
 SEARCH_FOLDER = click.Path(path_type=Path, exists=True, file_okay=False)
 WORKERS = click.option("--workers", type=POSITIVE, help="Worker processes. [default: one a core]")
@@ -37,7 +36,7 @@ class RunByDefault(click.Group):
         return super().parse_args(ctx, args)
 
 
-@click.group("search", cls=RunByDefault, context_settings=HELP)
+@click.group("search", cls=RunByDefault)
 def search_command() -> None:
     """Search for a better network: grow it step by step, train every candidate, keep the best.
 
@@ -51,17 +50,17 @@ def search_command() -> None:
     """
 
 
-@search_command.command(context_settings=HELP)
+@search_command.command()
 @click.argument("model")
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", "directory", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder."
 )
-@click.option("--beam", "width", default=3, show_default=True, type=POSITIVE, help="Networks kept on a level.")
+@click.option("--beam", "width", default=3, show_default=True, type=POSITIVE, help="Width of the beam, in networks.")
 @click.option("--depth", default=5, show_default=True, type=POSITIVE, help="Operations one after the other.")
 @click.option("--epochs", default=2, show_default=True, type=POSITIVE, help="Of training each candidate.")
 @click.option(
-    "--retrain", default=0, show_default=True, type=click.IntRange(min=0), help="Epochs more for what is committed to."
+    "--retrain", default=0, show_default=True, type=click.IntRange(min=0), help="Extra epochs for what is committed to."
 )
 @click.option("--transpose", is_flag=True, help="Change transposed convolutions, too.")
 @click.option("--lookahead/--no-lookahead", default=True, show_default=True, help="Commit to one level at a time.")
@@ -84,7 +83,7 @@ def search_command() -> None:
 @click.option("--sim-objects", default="training:40:1", show_default=True, metavar="SET", help='Objects of "sim".')
 @click.option("--sim-poses", default=1, show_default=True, type=POSITIVE, help="Poses of each of them.")
 @click.option("--max-params", type=POSITIVE, help="Consider no larger networks.")
-@click.option("--patience", type=POSITIVE, help="Stop after so many commitments without a better score.")
+@click.option("--patience", type=POSITIVE, help="Stop after this many commitments without a better score.")
 @click.option("--batch-size", default=4, show_default=True, type=POSITIVE, help="Images a step.")
 @click.option("--optimizer", default="rmsprop-keras2", show_default=True, help="The paper's, or a name Keras knows.")
 @click.option("--learning-rate", default=1e-3, show_default=True, type=click.FloatRange(0, min_open=True))
@@ -105,7 +104,7 @@ def search_command() -> None:
     help='Beyond the paper: learn from "parent" or from a model file, too.',
 )
 @DISTIL_WEIGHT
-@click.option("--reuse", multiple=True, type=SEARCH_FOLDER, help="Take candidates that this search has trained.")
+@click.option("--reuse", multiple=True, type=SEARCH_FOLDER, help="Search whose trained candidates to reuse.")
 def run(
     model: str,
     dataset: Path,
@@ -157,7 +156,7 @@ def run(
     )
 
 
-@search_command.command(context_settings=HELP)
+@search_command.command()
 @click.argument("directory", type=SEARCH_FOLDER)
 @WORKERS
 @SCHEDULER
@@ -178,7 +177,7 @@ def resume(directory: Path, workers: int | None, scheduler: str | None, retry_fa
     )
 
 
-@search_command.command(context_settings=HELP)
+@search_command.command()
 @click.argument("directory", type=SEARCH_FOLDER)
 @click.option("-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="[default: DIRECTORY/report]")
 def report(directory: Path, output: Path | None) -> None:

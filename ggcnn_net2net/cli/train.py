@@ -28,11 +28,11 @@ _SHOWN = 10  # epochs of the final table
 POSITIVE = click.IntRange(min=1)
 
 
-@click.command("train", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("train")
 @click.argument("network")
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=OutputFile(), help="Model to write.")
-@click.option("--epochs", default=30, show_default=True, type=POSITIVE, help="Of a stage.")
+@click.option("--epochs", default=30, show_default=True, type=POSITIVE, help="Epochs per stage.")
 @click.option("--ops", help='Grow on the way: operations in order ("deeper(3), wider(3)"), each with a stage after it.')
 @click.option("--repeat", default=1, show_default=True, type=POSITIVE, help="Stages if there is no --ops.")
 @click.option(
@@ -59,7 +59,7 @@ POSITIVE = click.IntRange(min=1)
     "--fresh-from",
     "scenes",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
-    help="Raw folder that DATASET was built of: draw new augmentations of its scenes in every epoch. Reads more.",
+    help="Raw folder that DATASET was built from: draw new augmentations of its scenes in every epoch. Reads more.",
 )
 @click.option(
     "--distil",
@@ -181,7 +181,7 @@ def train_command(
 
 
 def _keep_record(output: Path, network: str | None) -> None:
-    """Refuse to write over the record of a network that is read: what lies beside it."""
+    """Refuse an output whose record would overwrite that of a network that is read: the .json beside it."""
     from ggcnn_net2net.errors import ModelFileError
 
     source = None if network is None else file_of(network)

@@ -11,7 +11,7 @@ FILE = click.Path(path_type=Path, exists=True, dir_okay=False)
 FOLDER = click.Path(path_type=Path, exists=True, file_okay=False)
 
 
-@click.group("zoo", context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("zoo")
 def zoo_command() -> None:
     """Networks that this project trained, with what made them. Commands open them as zoo:NAME.
 

@@ -26,7 +26,8 @@ from ggcnn_net2net.simulation.world import World
 TRIES = 12
 """Grasps of a scene that are tried."""
 ALIKE = (0.009, 0.105)
-"""Metres and radians: so far from a grasp that held, another one may be and counts as holding, too."""
+"""Metres and radians: a grasp like one that held counts as holding, too, if its differences, divided by these,
+add up to 1 at most."""
 _POINTS = 300  # at which grasps are looked for in a scene
 _LOWEST = 0.003  # metres above the plane from which a pixel belongs to the object
 _JAW = 1 / 3  # side of a rectangle along the jaws, in openings
@@ -73,8 +74,8 @@ def tried_grasps(
 ) -> Labels:
     """Grasps by the loose rule that hold in simulation: for objects that offer too few by the usual one.
 
-    A dozen, drawn at random, are tried. Others count as holding if they are much like one that held, and less like any
-    that did not.
+    A dozen, drawn at random, are tried. Another grasp counts as holding if, of the tried ones, the most similar to it
+    held and they differ by `ALIKE` at most.
 
     Args:
         world: with the object at rest; afterwards in any state.
@@ -160,7 +161,7 @@ def target_of(grasps: AntipodalGrasps, index: int) -> WorldGrasp:
 def _like_holding(
     grasps: AntipodalGrasps, tried: npt.NDArray[np.intp], held: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:
-    """(n,) whether the tried grasp that each grasp is most like, in place and direction, held and is near enough."""
+    """(n,) whether the tried grasp most similar to each grasp, in place and direction, held and is close enough."""
     distance = np.linalg.norm(grasps.point[:, None] - grasps.point[tried], axis=-1)
     turn = np.abs((grasps.angle[:, None] - grasps.angle[tried] + np.pi / 2) % np.pi - np.pi / 2)
     unlike = distance / ALIKE[0] + turn / ALIKE[1]

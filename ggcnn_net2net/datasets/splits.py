@@ -38,7 +38,7 @@ class Split:
 
     @property
     def sha256(self) -> str:
-        """Hash of the names on each side: equal for splits that do the same."""
+        """Hash of the names on each side: equal for splits with equal sides."""
         content = {"train": sorted(self.train), "test": sorted(self.test)}
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 

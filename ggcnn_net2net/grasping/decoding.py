@@ -131,8 +131,8 @@ def _peaks(quality: FloatMap, n_grasps: int, decoding: Decoding) -> list[list[in
     return found
 
 
-# Width and angle count at a few peaks only, so they are smoothed in a window of a peak that holds all that reaches it:
-# the same bits as smoothing whole maps, in a fraction of the time.
+# Width and angle are needed at a few peaks only, so they are smoothed in a window around each peak that is as large as
+# the Gaussian reaches: the same bits as smoothing whole maps, in a fraction of the time.
 
 
 def _width_at(width: FloatMap, row: int, col: int, decoding: Decoding) -> float:
@@ -153,7 +153,7 @@ def _angle_at(cos: FloatMap, sin: FloatMap, row: int, col: int, decoding: Decodi
 
 
 def _reach(sigma: float) -> int:
-    """Pixels from which a Gaussian takes its sum."""
+    """Radius in pixels at which a Gaussian is cut off."""
     return int(_TRUNCATE * sigma + 0.5)
 
 

@@ -17,8 +17,8 @@ _PLAUSIBLE = {"m": (0.05, 20.0), "mm": (100.0, 20_000.0)}
 def to_metres(depth: npt.ArrayLike, depth_unit: str | None = None) -> tuple[npt.NDArray[np.float32], str]:
     """Depth in metres, and the unit in which it was received.
 
-    Pixels that are NaN, infinite, zero or negative are missing. The unit is the one that is told. Without one it is
-    detected by this rule:
+    Pixels that are NaN, infinite, zero or negative are missing. The unit is the given one; without one it is detected
+    by this rule:
 
     * "m" if the array is of floating-point numbers, and more than half of the measured pixels lie in 0.05 to 20;
     * "mm" if more than half of the measured pixels lie in 100 to 20,000, whatever the type;
@@ -29,7 +29,7 @@ def to_metres(depth: npt.ArrayLike, depth_unit: str | None = None) -> tuple[npt.
 
     Args:
         depth: (H, W), or (n, H, W) images in one unit; integers or floating-point numbers.
-        depth_unit: "m", "mm", or None to detect it. A unit that is told is not questioned.
+        depth_unit: "m", "mm", or None to detect it. A given unit is not questioned.
 
     Returns:
         Float32 of the same shape, in metres along the optical axis, NaN where a pixel is missing; and "m" or "mm".

@@ -16,7 +16,7 @@ from ggcnn_net2net.inpainting import fill_missing
 FloatMap = npt.NDArray[np.float32]
 
 _STRIDE = 12
-"""GG-CNNs go down by 3 * 2 * 2 and up again, so that an image comes back in its own size only if it is a multiple."""
+"""Product of a GG-CNN's downward strides, 3 * 2 * 2: maps have the image's size only if it is a multiple of this."""
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,7 @@ def refusal(layer: keras.Operation, inputs: Sequence[Shape], output: Shape) -> s
 
 
 def activation_refusal(layer: keras.Operation) -> str | None:
-    """Why the activation of `layer` forbids to copy channels (softmax does); None where it does not."""
+    """Why the activation of `layer` forbids copying channels, as softmax does; None where it does not."""
     import keras
 
     activation = getattr(layer, "activation", None)
@@ -148,7 +148,7 @@ def is_linear(layer: keras.Operation) -> bool:
 
 
 def idempotence_refusal(layer: keras.Operation) -> str | None:
-    """Why the activation of `layer` (or `layer` itself) acts otherwise twice than once; None if it does not."""
+    """Why applying the activation of `layer` (or `layer` itself) twice is not the same as once; None if it is."""
     import keras
 
     activation = getattr(layer, "activation", None)

@@ -58,7 +58,7 @@ def write_report(folder: Path, experiment: Experiment, results: Sequence[CurveRe
 
 
 def not_run(results: Sequence[CurveResult]) -> list[str]:
-    """The curves without results, a text for each protocol that has some."""
+    """Which curves have no results yet, one line per protocol with such curves."""
     protocols = list(dict.fromkeys(result.protocol for result in results))
     missing = {
         name: [one.curve.name for one in results if one.protocol == name and not one.points] for name in protocols

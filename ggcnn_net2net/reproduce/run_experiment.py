@@ -62,7 +62,7 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Views:
-    """Where progress is shown. Each function takes a title, and gives a context whose value is told what happens."""
+    """Where progress is shown. Each function takes a title and returns a context manager that gives the callback."""
 
     search: Callable[[str], AbstractContextManager[OnEvent]] = lambda _: nullcontext(lambda _: None)
     judging: Callable[[str], AbstractContextManager[Progress]] = lambda _: nullcontext(lambda *_: None)

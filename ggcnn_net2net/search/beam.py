@@ -156,7 +156,7 @@ def look_ahead(
 def _ranked(
     born: Sequence[tuple[Node, Entry[Node]]], scores: Sequence[float], settings: BeamSearch
 ) -> tuple[Entry[Node], ...]:
-    """Children with their places, best first; of equal scores the child of the better parent, and then its first."""
+    """Entries of the children, best first; ties go to the child of the better parent, then to the earlier child."""
     sign = -1 if settings.maximise else 1
     order = sorted(range(len(born)), key=lambda index: (math.isnan(scores[index]), sign * scores[index]))
     return tuple(

@@ -22,9 +22,9 @@ JOURNAL_FILE = "journal.jsonl"
 """Name of the journal in the folder of a search."""
 
 RESUMED = "resumed"
-"""Kind of the event that is put down where a search goes on otherwise than it stopped."""
+"""Kind of the event written when a search resumes with other package versions, or retries failed candidates."""
 _SUPERSEDED = ("failed", "lookahead", "committed", "finished")
-"""What does not count any more once failed candidates are tried again, which may lead elsewhere."""
+"""Kinds of events that no longer count once failed candidates are tried again: the search may then go another way."""
 
 Event = dict[str, Any]
 """JSON values; the key "event" names its kind."""
@@ -59,7 +59,7 @@ def read_events(path: Path) -> list[Event]:
 
 
 def in_force(events: Sequence[Event]) -> list[Event]:
-    """Events without the failures from before failed candidates were tried again, and the decisions without them.
+    """The events that still count: neither failures nor decisions from before failed candidates were tried again.
 
     Args:
         events: of `read_events`.

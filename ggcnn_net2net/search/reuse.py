@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import keras
 
 _OF_THE_WAY = ("beam", "max_parameters", "retrain", "max_failures")
-"""Settings that decide which candidates are tried, and not what comes of one. How it is trained is in its key, too."""
+"""Settings that decide which candidates are tried but not their results. A candidate's key covers its training."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +74,10 @@ def differences(model: keras.Model, settings: SearchSettings, dataset: Path, dir
     """Why nothing can be taken from a search.
 
     Args:
-        model: that the search would start from that would take.
-        settings: of it.
-        dataset: that it would train and score on.
-        directory: folder of the other.
+        model: the network that the new search starts from.
+        settings: of the new search.
+        dataset: what the new search trains and scores on.
+        directory: folder of the search to take candidates from.
 
     Returns:
         Names of what differs and matters to a candidate, such as "recipe.images_per_epoch", "train images" or

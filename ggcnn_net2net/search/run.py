@@ -128,7 +128,7 @@ def resume_search(
 
 
 def _tried_again(event: Event, root: str) -> bool:
-    """Whether it says that the first network failed, without which there is no search."""
+    """Whether the event is a failure of the root, which is always tried again: without it there is no search."""
     if event.get("candidate") != root:
         return False
     score = event.get("score", 0.0)

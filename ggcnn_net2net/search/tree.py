@@ -136,14 +136,14 @@ class CandidateTree:
         self._pruned = {}
 
     def write(self, event: Event) -> None:
-        """Append an event to the journal, unless the same stands there: a resumed search says again what it said."""
+        """Append an event to the journal unless it is there already: a resumed search repeats its earlier events."""
         if _text(event) not in self._written:
             self._journal.append(event)
             self._written.add(_text(event))
             self._on_event(event)
 
     def _train(self, nodes: Iterable[Candidate], epochs: int | None = None) -> None:
-        """Have nodes trained and scored that are not known yet, up to a rung; None: to the end."""
+        """Train and score the nodes that have no result yet, for the epochs of a rung; None: to the end."""
         jobs = [
             self._job(node, self._epochs(node) if epochs is None else epochs, replicate)
             for node in nodes
@@ -166,7 +166,7 @@ class CandidateTree:
         return Job(self.directory, self.settings, self._data["path"], node, epochs, replicate, seed)
 
     def _epochs(self, node: Candidate) -> int:
-        """Epochs after which a node is what it is to be."""
+        """Epochs after which a node is fully trained."""
         if node.is_child:
             return self.settings.rungs[-1]
         return self.settings.retrain if node.is_retrained else 0

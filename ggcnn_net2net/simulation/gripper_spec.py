@@ -91,7 +91,7 @@ class GripperSpec:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> GripperSpec:
-        """The gripper with these fields, as TOML and JSON hold them; the paper's where they tell nothing.
+        """The gripper with these fields, as TOML and JSON hold them; fields that are not given are the paper's.
 
         Args:
             values: by name of the field; the palm as a list.

@@ -168,7 +168,7 @@ def lifts(
 ) -> bool:
     """Whether a grasp lifts the object and holds it on a part of the way to the bin: half of a trial.
 
-    Aside as well as up: an object often slips when the gripper starts or stops.
+    It moves sideways as well as up: an object often slips when the gripper starts or stops.
 
     Args:
         world: is reset first.

@@ -52,14 +52,14 @@ def stages_of(recipe: Recipe, operations: Sequence[Operation | None], final_epoc
         recipe: `epochs` are those of a stage. A learning rate schedule is that of the last stage, the ones before keep
             their learning rate: each goes on from weights that are still to change, and only the last is a result.
         operations: None stands for a stage without surgery.
-        final_epochs: what the last stage is longer.
+        final_epochs: extra epochs of the last stage.
 
     Returns:
         The stages. The first has the seed of `recipe`, the others have seeds derived from it and their number. A single
         stage without `final_epochs` has `recipe` itself.
 
     Raises:
-        TrainingError: no operations, or less than no `final_epochs`.
+        TrainingError: no operations, or negative `final_epochs`.
     """
     if not operations or final_epochs < 0:
         raise TrainingError(
@@ -108,7 +108,7 @@ def train_stages(
             every epoch are not those of the stage before.
         recipe: settings; `stages_of` says how they become those of the stages.
         operations: one for each stage; None stands for a stage without surgery.
-        final_epochs: what the last stage is longer.
+        final_epochs: extra epochs of the last stage.
         validation: images whose loss is reported after every epoch.
         checkpoint_dir: folder for the state after each epoch; None keeps none. Stage i, from 0, has its own inside,
             `stage_i`, which also takes the network that the stage ends with, `model.hdf5`. `[None]` uses the folder

@@ -69,8 +69,8 @@ def train(
         recipe: settings.
         validation: images whose loss is reported after every epoch.
         checkpoint_dir: folder for the state after each epoch; None keeps none.
-        callbacks: Keras callbacks, called at the begin and end of training, epochs and steps. Their own state is not
-            part of a checkpoint.
+        callbacks: Keras callbacks, called at the beginning and end of training, epochs and steps. Their own state is
+            not part of a checkpoint.
         on_progress: called after every step.
         resume: go on from the checkpoint, if there is one; False starts afresh and overwrites it.
         carry_optimizer: start with the state of the optimizer that `model` is compiled with, as surgery with

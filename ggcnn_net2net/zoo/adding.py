@@ -46,7 +46,7 @@ REQUIRED_FIELDS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     ),
     "model_sha256": ("64 hex digits, of the model file", _is_hash),
 }
-"""What a provenance must hold: where, what, and how to tell."""
+"""What a provenance must hold: name of the field -> the expected value in words, and the check of a value."""
 
 
 def add(model_file: Path, provenance: Path | Mapping[str, Any], name: str, folder: Path | None = None) -> Path:

@@ -1,4 +1,4 @@
-"""What all formats have in common: how a file is asked for, and how a written one is run."""
+"""What all formats have in common: the job of writing a file, and the runtime that opens and runs it."""
 
 from __future__ import annotations
 
