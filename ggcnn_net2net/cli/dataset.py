@@ -105,7 +105,12 @@ def build(
     settings = Augmentation(zoom=zoom, rotate=rotate, per_scene=augmentations)
     with stages(Console()) as progress:
         result = build_dataset(
-            *(scenes, split, output, settings, seed, workers),
+            scenes,
+            split,
+            output,
+            settings,
+            seed,
+            workers,
             on_progress=lambda done, total: progress("draw samples", done, total),
             compressed=not uncompressed,
         )

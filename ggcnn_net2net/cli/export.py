@@ -57,8 +57,8 @@ def export_command(
 
     import_tensorflow()
     wanted = [known.FORMATS[name] for name in dict.fromkeys(formats)]
-    for made in wanted:
-        known.check_quantization(made, quantize)
+    for export_format in wanted:
+        known.check_quantization(export_format, quantize)
     jobs = _targets(models, wanted, output, quantize)
     if len({target for _, target in jobs}) < len(jobs):
         raise ExportError("expected models with different names, received two whose files would have the same name")
@@ -85,24 +85,30 @@ def _targets(
         _check_suffix(output, formats[0])
         return [(models[0], output)]
     folder = output or Path()
-    return [(model, folder / _file_name(model, made, quantize)) for model in models for made in formats]
+    return [
+        (model, folder / _file_name(model, export_format, quantize)) for model in models for export_format in formats
+    ]
 
 
-def _check_suffix(path: Path, made: Format) -> None:
+def _check_suffix(path: Path, export_format: Format) -> None:
     from ggcnn_net2net.errors import ExportError
 
-    if path.suffix not in (made.suffixes or ("",)):
+    if path.suffix not in (export_format.suffixes or ("",)):
         raise ExportError(
-            f"expected an output that ends in {' or '.join(made.suffixes) or 'no suffix'} for {made.name}, received "
-            f"{str(path)!r}"
+            f"expected an output that ends in {' or '.join(export_format.suffixes) or 'no suffix'} for "
+            f"{export_format.name}, received {str(path)!r}"
         )
 
 
-def _file_name(model: str, made: Format, quantize: str | None) -> str:
+def _file_name(model: str, export_format: Format, quantize: str | None) -> str:
     """zoo:narrow -> narrow_int8.tflite; a SavedModel is a folder, narrow_savedmodel."""
     stem = Path(model.rpartition(":")[2]).stem
-    parts = [stem.replace(".", "_"), *([quantize] if quantize else []), *([] if made.suffixes else [made.name])]
-    return "_".join(parts) + "".join(made.suffixes[:1])
+    parts = [
+        stem.replace(".", "_"),
+        *([quantize] if quantize else []),
+        *([] if export_format.suffixes else [export_format.name]),
+    ]
+    return "_".join(parts) + "".join(export_format.suffixes[:1])
 
 
 def _facts(path: Path, metadata: dict[str, Any]) -> tuple[str, str, str, str]:

@@ -70,7 +70,7 @@ _RUN = (
     click.option(
         "--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of the searches and the scenes."
     ),
-    click.option("--workers", type=click.IntRange(min=1), help="Worker processes. [default: one a core]"),
+    click.option("--workers", type=click.IntRange(min=1), help="Worker processes. [default: one per core]"),
 )
 
 

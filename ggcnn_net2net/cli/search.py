@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 POSITIVE = click.IntRange(min=1)
 SEARCH_FOLDER = click.Path(path_type=Path, exists=True, file_okay=False)
-WORKERS = click.option("--workers", type=POSITIVE, help="Worker processes. [default: one a core]")
+WORKERS = click.option("--workers", type=POSITIVE, help="Worker processes. [default: one per core]")
 SCHEDULER = click.option(
     "--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://host:8786, whose workers train candidates."
 )

@@ -90,13 +90,16 @@ class Simulation:
     def as_dict(self) -> dict[str, Any]:
         """As JSON holds them; what was added to the settings later only where it is not the default."""
         protocol = self.protocol.name if self.protocol in (PAPER, CORRECTED) else self.protocol.as_dict()
-        own = {**asdict(self), "camera_heights": list(self.camera_heights), "protocol": protocol}
-        del own["gripper"], own["tried_labels"], own["sides"]
-        sides = {"sides": list(self.sides)} if self.sides else {}
-        how = {"label_rule": asdict(LOOSE_RULE), "tries": TRIES, "alike": list(ALIKE)}
-        tried = {"tried_labels": how} if self.tried_labels else {}
-        # Labels of other rules must not mix in a folder.
-        return {**own, **self.gripper.as_setting(), "label_rule": asdict(AntipodalRule()), **tried, **sides}
+        values = asdict(self) | {"camera_heights": list(self.camera_heights), "protocol": protocol}
+        for name in ("gripper", "tried_labels", "sides"):
+            del values[name]
+        values |= self.gripper.as_setting()
+        values["label_rule"] = asdict(AntipodalRule())  # labels of other rules must not mix in a folder
+        if self.tried_labels:
+            values["tried_labels"] = {"label_rule": asdict(LOOSE_RULE), "tries": TRIES, "alike": list(ALIKE)}
+        if self.sides:
+            values["sides"] = list(self.sides)
+        return values
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,9 @@ class FolderWatch:
         A file counts as completely written when it is the same, in size and time, as at the previous call.
         """
         states = self._states()
-        ready = [path for path, state in states.items() if self._last.get(path) == state != self._handled.get(path)]
+        ready = [
+            path for path, state in states.items() if self._last.get(path) == state and self._handled.get(path) != state
+        ]
         self._handled.update((path, states[path]) for path in ready)
         self._last = states
         return ready

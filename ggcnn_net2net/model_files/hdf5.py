@@ -89,7 +89,8 @@ def _load_weights(model: keras.Model, group: h5py.Group) -> None:
             "convert it with Keras 2"
         )
     stored = {name: _names(group[name], "weight_names") for name in _names(group, "layer_names")}
-    left_over = [name for name, weights in stored.items() if weights and name not in _layer_names(model)]
+    known = {layer.name for layer in model.layers} | _NOT_LAYERS
+    left_over = [name for name, weights in stored.items() if weights and name not in known]
     if left_over:
         raise ModelFileError(f"expected weights of the model's layers only, received more for {', '.join(left_over)}")
     for layer in model.layers:
@@ -104,10 +105,6 @@ def _load_weights(model: keras.Model, group: h5py.Group) -> None:
             )
         for variable, array in zip(variables, arrays, strict=True):
             variable.assign(array)
-
-
-def _layer_names(model: keras.Model) -> set[str]:
-    return {layer.name for layer in model.layers} | _NOT_LAYERS
 
 
 def _ordered_weights(layer: keras.layers.Layer) -> list[keras.Variable]:

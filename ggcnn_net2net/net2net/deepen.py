@@ -10,8 +10,7 @@ from ggcnn_net2net.errors import SurgeryError
 from ggcnn_net2net.net2net.channels import Channels
 from ggcnn_net2net.net2net.graph import Config, ModelGraph
 from ggcnn_net2net.net2net.operation import Operation
-from ggcnn_net2net.net2net.rebuild import Weights, check_optimizer, rebuild, weights_of
-from ggcnn_net2net.net2net.rebuild import carry_optimizer as carry
+from ggcnn_net2net.net2net.rebuild import Weights, check_optimizer, copy_optimizer_state, rebuild, weights_of
 from ggcnn_net2net.net2net.rules import ACTIVATION_LAYERS, RULES, idempotence_refusal, is_linear, refusal
 
 if TYPE_CHECKING:
@@ -73,7 +72,7 @@ def deeper(
     }
     child = rebuild(model, graph.config, edited, entry)
     if carry_optimizer:
-        carry(model, child)
+        copy_optimizer_state(model, child)
     return child
 
 

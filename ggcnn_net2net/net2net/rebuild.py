@@ -69,7 +69,7 @@ def check_optimizer(model: keras.Model) -> None:
         )
 
 
-def carry_optimizer(model: keras.Model, child: keras.Model, resize: Resize | None = None) -> None:
+def copy_optimizer_state(model: keras.Model, child: keras.Model, resize: Resize | None = None) -> None:
     """Compile `child` as `model` is, with the state of its optimizer.
 
     Slots (moving averages of gradients and the like) of a weight that both models have are copied, cloned

@@ -11,8 +11,7 @@ from ggcnn_net2net.errors import SurgeryError
 from ggcnn_net2net.net2net.channels import Channels, PerChannel
 from ggcnn_net2net.net2net.graph import ModelGraph
 from ggcnn_net2net.net2net.operation import Operation
-from ggcnn_net2net.net2net.rebuild import Weights, check_optimizer, rebuild, weights_of
-from ggcnn_net2net.net2net.rebuild import carry_optimizer as carry
+from ggcnn_net2net.net2net.rebuild import Weights, check_optimizer, copy_optimizer_state, rebuild, weights_of
 from ggcnn_net2net.net2net.rules import RULES, Rule
 
 if TYPE_CHECKING:
@@ -88,7 +87,7 @@ def wider(
     }
     child = rebuild(model, graph.config, edited, entry)
     if carry_optimizer:
-        carry(model, child, copies.resize)
+        copy_optimizer_state(model, child, copies.resize)
     return child
 
 

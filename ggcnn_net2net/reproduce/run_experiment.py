@@ -183,7 +183,11 @@ def _search(
         history = resume_search(directory, workers, on_event=on_event)
     else:
         history = start_search(
-            *(model, conditions.data, settings, directory, workers),
+            model,
+            conditions.data,
+            settings,
+            directory,
+            workers,
             name=curve.start,
             command=command,
             reuse=list(others),

@@ -58,6 +58,17 @@ class BeamSearch:
                 f"{self.width}, {self.depth} and {self.patience}"
             )
 
+    def rank(self, score: float) -> tuple[bool, float]:
+        """Sorts scores best first, NaN last.
+
+        Args:
+            score: of a node.
+
+        Returns:
+            A key for `sorted` and `min`.
+        """
+        return math.isnan(score), -score if self.maximise else score
+
 
 @dataclass(frozen=True, eq=False)
 class Entry(Generic[Node]):
@@ -157,8 +168,7 @@ def _ranked(
     born: Sequence[tuple[Node, Entry[Node]]], scores: Sequence[float], settings: BeamSearch
 ) -> tuple[Entry[Node], ...]:
     """Entries of the children, best first; ties go to the child of the better parent, then to the earlier child."""
-    sign = -1 if settings.maximise else 1
-    order = sorted(range(len(born)), key=lambda index: (math.isnan(scores[index]), sign * scores[index]))
+    order = sorted(range(len(born)), key=lambda index: settings.rank(scores[index]))
     return tuple(
         Entry(
             node=born[index][0],

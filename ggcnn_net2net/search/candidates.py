@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from ggcnn_net2net.search.journal import Event
+from ggcnn_net2net.search.journal import Event, score_from_json
 from ggcnn_net2net.search.settings import SearchSettings
 
 ROOT = "root"
@@ -43,7 +42,7 @@ class Candidate:
 
 def root_candidate(network: str, data: str) -> Candidate:
     """The network that a search starts from, given hashes of it and of the data."""
-    return Candidate(short_hash([network, data]), None, ROOT)
+    return Candidate(hash_of([network, data]), None, ROOT)
 
 
 def child_of(parent: Candidate, operation: str, settings: SearchSettings, data: str) -> Candidate:
@@ -59,15 +58,15 @@ def child_of(parent: Candidate, operation: str, settings: SearchSettings, data: 
         "data": data,
         "seed": settings.seed,
     }
-    return Candidate(short_hash(identity), parent.key, operation)
+    return Candidate(hash_of(identity), parent.key, operation)
 
 
 def seed_of(candidate: Candidate, replicate: int, seed: int) -> int:
     """Seed of a candidate's surgery and training, derived from the seed of the search, parent and operation."""
-    return int(short_hash([seed, candidate.parent, candidate.operation, replicate])[:8], 16)
+    return int(hash_of([seed, candidate.parent, candidate.operation, replicate])[:8], 16)
 
 
-def short_hash(value: Any) -> str:
+def hash_of(value: Any) -> str:
     """First 16 hex digits of the SHA-256 of a value of JSON."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -85,8 +84,7 @@ class Results:
 
     def learn(self, event: Event) -> None:
         """Take over what an event "scored" or "failed" says."""
-        score = event.get("score")
-        self.scores[event["epochs"], event["replicate"]] = math.nan if score is None else score
+        self.scores[event["epochs"], event["replicate"]] = score_from_json(event.get("score"))
         self.error = event.get("error", self.error)
         if event["replicate"] == 0:
             self.operations = event.get("operations", {})

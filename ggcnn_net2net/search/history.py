@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from ggcnn_net2net.errors import SearchError
-from ggcnn_net2net.search.journal import FORMAT, RESUMED, Event, in_force
+from ggcnn_net2net.search.journal import FORMAT, RESUMED, Event, in_force, score_from_json
 from ggcnn_net2net.search.settings import HEURISTICS, LOSS, SearchSettings
 
 State = Literal["root", "trained", "pruned", "failed"]
@@ -243,7 +243,7 @@ def _history(events: Sequence[Event]) -> SearchHistory:
             path += [(candidates[key], candidates[key].score) for key in lookahead.path]
         if number not in committed:
             break
-        path.append((candidates[committed[number]["candidate"]], _number(committed[number]["score"])))
+        path.append((candidates[committed[number]["candidate"]], score_from_json(committed[number]["score"])))
     return SearchHistory(
         command=begun["command"],
         network=begun["network"] or "a network without a name",
@@ -265,7 +265,7 @@ def _history(events: Sequence[Event]) -> SearchHistory:
 
 def _lookahead(event: Event) -> Lookahead:
     levels = [
-        tuple(Place(item["candidate"], _number(item["score"]), item["kept"], item["pruned"]) for item in level)
+        tuple(Place(item["candidate"], score_from_json(item["score"]), item["kept"], item["pruned"]) for item in level)
         for level in event["levels"]
     ]
     return Lookahead(event["number"], event["root"], tuple(levels), tuple(event["path"]))
@@ -288,9 +288,18 @@ def _candidates(events: Sequence[Event], lookaheads: Sequence[Lookahead], full: 
         sizes = {} if parent is None else _last(runs[parent.key], "operations", {})
         early = first["operation"].startswith(_SURGERIES) and max(run["epochs"] for run in about) < full
         candidates[key] = _candidate(about, parent, sizes.get(first["operation"]), early or key in pruned)
-    for place in places:
-        candidates[place.candidate]  # KeyError: a place for something that was never tried
+    never_tried = {place.candidate for place in places} - candidates.keys()
+    if never_tried:
+        raise KeyError(*never_tried)
     return candidates
+
+
+def _state(score: float, pruned: bool, is_root: bool) -> State:
+    if math.isnan(score):
+        return "failed"
+    if pruned:
+        return "pruned"
+    return "root" if is_root else "trained"
 
 
 def _candidate(
@@ -302,7 +311,7 @@ def _candidate(
     epochs = max(run["epochs"] for run in runs)
     # The last word on each replicate; what failed may have been tried again.
     latest = {run["replicate"]: run for run in runs if run["epochs"] == epochs}
-    scores = [_number(latest[replicate].get("score")) for replicate in sorted(latest)]
+    scores = [score_from_json(latest[replicate].get("score")) for replicate in sorted(latest)]
     score = _mean(scores)
     failures = [run for run in latest.values() if run["event"] == "failed"]
     unscored = "the score is not a number" if math.isnan(score) else ""
@@ -312,14 +321,14 @@ def _candidate(
         operation=first["operation"],
         operations=operations,
         depth=sum(operation.startswith(_SURGERIES) for operation in operations),
-        state="failed" if math.isnan(score) else "pruned" if pruned else "trained" if parent else "root",
+        state=_state(score, pruned, is_root=parent is None),
         score=score,
         replicate_scores=tuple(scores),
         parameters=_last(runs, "parameters", parameters),
         architecture=_last(runs, "architecture", ""),
         children=len(_last(runs, "operations", {})),
         epochs=epochs,
-        loss=_mean([_number(run.get("loss")) for run in latest.values()]),
+        loss=_mean([score_from_json(run.get("loss")) for run in latest.values()]),
         seconds=sum(run["seconds"] for run in runs),
         taken_from=_last(runs, "taken_from", ""),
         error=_last(failures, "error", unscored),
@@ -329,10 +338,6 @@ def _candidate(
 
 def _last(runs: Sequence[Event], name: str, otherwise: Any) -> Any:
     return next((run[name] for run in reversed(runs) if name in run), otherwise)
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
 
 
 def _mean(values: Sequence[float]) -> float:

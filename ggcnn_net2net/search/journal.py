@@ -7,6 +7,7 @@ was killed while it wrote, is ignored and cut off by the next writer.
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -28,6 +29,16 @@ _SUPERSEDED = ("failed", "lookahead", "committed", "finished")
 
 Event = dict[str, Any]
 """JSON values; the key "event" names its kind."""
+
+
+def score_to_json(score: float) -> float | None:
+    """A score as the journal holds it: JSON knows no NaN, which stands for a failure."""
+    return None if math.isnan(score) else score
+
+
+def score_from_json(value: float | None) -> float:
+    """The inverse of `score_to_json`."""
+    return math.nan if value is None else float(value)
 
 
 def read_events(path: Path) -> list[Event]:

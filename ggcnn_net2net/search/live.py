@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from types import TracebackType
 
@@ -14,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ggcnn_net2net.search.history import SearchHistory, read_history
-from ggcnn_net2net.search.journal import Event
+from ggcnn_net2net.search.journal import Event, score_from_json
 from ggcnn_net2net.search.report import counts, duration
 
 
@@ -170,7 +169,7 @@ def _lines(history: SearchHistory, event: Event) -> list[str]:
     if kind not in ("scored", "failed", "committed"):
         return []
     candidate = history.candidates[event["candidate"]]
-    score = history.score_text(math.nan if event.get("score") is None else event["score"])
+    score = history.score_text(score_from_json(event.get("score")))
     if kind == "committed":
         return [f"committed to {candidate.sequence}: {history.score_name} {score}"]
     run = f"{event['epochs']} epochs, {event['seconds']:.0f} s"

@@ -39,11 +39,12 @@ def write_depth_chart(history: SearchHistory, path: Path) -> None:
     _dots(axes, [(item.depth, item.score) for item in shown if item.key in kept], KEPT, "kept in the beam", "^")
     points = [(item, score) for item, score in history.path if not math.isnan(score)]
     _line(axes, [(item.depth, score) for item, score in points], PATH, "committed path")
-    for (item, score), (_, following) in zip(points, [*points[1:], points[-1]], strict=True) if points else ():
+    for number, (item, score) in enumerate(points):
+        rises = number + 1 < len(points) and points[number + 1][1] > score
         axes.annotate(
             f"{item.parameters:,}",
             (item.depth, score),
-            (4, -12 if following > score else 12),  # the side to which the path does not go on
+            (4, -12 if rises else 12),  # the side to which the path does not go on
             textcoords="offset points",
             va="center",
             fontsize=8,
@@ -118,10 +119,15 @@ def _looks(history: SearchHistory) -> dict[str, str]:
     """Colour of every candidate."""
     kept = history.kept
     path = {key for item, _ in history.path for key in (item.key, item.parent)}  # parent: what was trained further
-    return {
-        key: PATH if key in path else FAILED if item.state == "failed" else KEPT if key in kept else OTHER
-        for key, item in history.candidates.items()
-    }
+
+    def colour(item: CandidateRecord) -> str:
+        if item.key in path:
+            return PATH
+        if item.state == "failed":
+            return FAILED
+        return KEPT if item.key in kept else OTHER
+
+    return {key: colour(item) for key, item in history.candidates.items()}
 
 
 def _height(colour: str) -> float:

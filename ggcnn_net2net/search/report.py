@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ggcnn_net2net.atomic import replacing, write_text
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.search.history import SearchHistory
+from ggcnn_net2net.search.journal import score_to_json
 from ggcnn_net2net.search.pictures import write_depth_chart, write_size_chart, write_tree
 
 if TYPE_CHECKING:
@@ -74,16 +75,16 @@ def _records(history: SearchHistory) -> list[dict[str, Any]]:
             "operation": item.operation,
             "operations": ", ".join(item.operations),
             "state": item.state,
-            "score": _plain(item.score),
+            "score": score_to_json(item.score),
             "parameters": item.parameters,
             "architecture": item.architecture,
             "epochs": item.epochs,
-            "loss": _plain(item.loss),
+            "loss": score_to_json(item.loss),
             "seconds": item.seconds,
             "lookaheads": ", ".join(str(number) for number in kept.get(item.key, [])),
             "on_path": item.key in path,
             "error": item.error,
-            "replicate_scores": [_plain(score) for score in item.replicate_scores],
+            "replicate_scores": [score_to_json(score) for score in item.replicate_scores],
             "traceback": item.traceback,
             "taken_from": item.taken_from,
         }
@@ -221,8 +222,3 @@ def _flat(settings: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
 
 def _count(parameters: int | None) -> str:
     return "-" if parameters is None else f"{parameters:,}"
-
-
-def _plain(value: float) -> float | None:
-    """JSON knows no NaN, and CSV has empty cells."""
-    return None if math.isnan(value) else value

@@ -19,7 +19,7 @@ from ggcnn_net2net.versions import versions
 if TYPE_CHECKING:
     import keras
 
-_OF_THE_WAY = ("beam", "max_parameters", "retrain", "max_failures")
+_NOT_OF_A_CANDIDATE = ("beam", "max_parameters", "retrain", "max_failures")
 """Settings that decide which candidates are tried but not their results. A candidate's key covers its training."""
 
 
@@ -43,7 +43,7 @@ class TrainedElsewhere:
         self._trained: dict[tuple[str, int, int], _Trained] = {}
         for directory in directories:
             events = read_events(directory / JOURNAL_FILE)
-            if events and _what_matters(events[0]) == _what_matters(begun) and _versions_are(begun["versions"], events):
+            if events and _comparable(events[0]) == _comparable(begun) and _versions_are(begun["versions"], events):
                 for event in events:
                     if event["event"] == "scored":
                         key = (event["candidate"], event["epochs"], event["replicate"])
@@ -91,8 +91,8 @@ def differences(model: keras.Model, settings: SearchSettings, dataset: Path, dir
         return []
     begun = events[0]
     plain = json.loads(json.dumps(settings.as_dict()))  # as the journal holds it
-    own, other = (_flat(_what_comes_of(values)) for values in (plain, begun["settings"]))
-    differing = sorted(name for name in own.keys() | other.keys() if own.get(name) != other.get(name))
+    new, old = (_flat(_candidate_settings(values)) for values in (plain, begun["settings"]))
+    differing = sorted(name for name in new.keys() | old.keys() if new.get(name) != old.get(name))
     splits = ("train", "test")
     found = {split: GraspDataset(dataset, split).fingerprint for split in splits}
     differing += [f"{split} images" for split in splits if found[split] != begun["data"][split]]
@@ -114,10 +114,10 @@ def _versions_are(versions: dict[str, str], events: Iterable[Event]) -> bool:
     return all(event["versions"] == versions for event in events if "versions" in event)
 
 
-def _what_matters(begun: Event) -> dict[str, Any]:
+def _comparable(begun: Event) -> dict[str, Any]:
     data = {split: begun["data"][split] for split in ("train", "test")}
-    return {"settings": _what_comes_of(begun["settings"]), "data": data}
+    return {"settings": _candidate_settings(begun["settings"]), "data": data}
 
 
-def _what_comes_of(settings: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in settings.items() if name not in _OF_THE_WAY}
+def _candidate_settings(settings: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in settings.items() if name not in _NOT_OF_A_CANDIDATE}

@@ -16,7 +16,16 @@ from ggcnn_net2net.search.beam import search
 from ggcnn_net2net.search.candidates import root_candidate
 from ggcnn_net2net.search.heuristics import prepare_simulation
 from ggcnn_net2net.search.history import SearchHistory, read_history
-from ggcnn_net2net.search.journal import FORMAT, JOURNAL_FILE, RESUMED, Event, Journal, in_force, read_events
+from ggcnn_net2net.search.journal import (
+    FORMAT,
+    JOURNAL_FILE,
+    RESUMED,
+    Event,
+    Journal,
+    in_force,
+    read_events,
+    score_from_json,
+)
 from ggcnn_net2net.search.reuse import TrainedElsewhere
 from ggcnn_net2net.search.settings import FROM_PARENT, SIM, SearchSettings
 from ggcnn_net2net.search.trainer import TEACHER_FILE, model_file
@@ -131,8 +140,7 @@ def _tried_again(event: Event, root: str) -> bool:
     """Whether the event is a failure of the root, which is always tried again: without it there is no search."""
     if event.get("candidate") != root:
         return False
-    score = event.get("score", 0.0)
-    return event["event"] == "failed" or (event["event"] == "scored" and (score is None or math.isnan(score)))
+    return event["event"] == "failed" or (event["event"] == "scored" and math.isnan(score_from_json(event["score"])))
 
 
 def load_history(directory: Path) -> SearchHistory:
@@ -269,8 +277,7 @@ def _search(
         with LocalWorkers.of(workers) as own:
             prepare_simulation(tree.settings, directory, own)
     found = search(tree, tree.root, tree.settings.beam, tree.note_lookahead)
-    sign = 1 if tree.settings.beam.maximise else -1
-    best, _ = max(found.path, key=lambda place: sign * place[1])
+    best, _ = min(found.path, key=lambda place: tree.settings.beam.rank(place[1]))
     with replacing(directory / BEST_FILE) as temporary:
         shutil.copyfile(model_file(directory, best.key), temporary)
     tree.write({"event": "finished", "path": [node.key for node, _ in found.path], "best": best.key})

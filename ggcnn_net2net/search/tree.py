@@ -12,7 +12,7 @@ from ggcnn_net2net.errors import SearchError
 from ggcnn_net2net.parallel import Crash, Workers
 from ggcnn_net2net.search.beam import Lookahead
 from ggcnn_net2net.search.candidates import RETRAIN, ROOT, Candidate, Results, child_of, seed_of
-from ggcnn_net2net.search.journal import Event, Journal
+from ggcnn_net2net.search.journal import Event, Journal, score_to_json
 from ggcnn_net2net.search.reuse import TrainedElsewhere
 from ggcnn_net2net.search.settings import SearchSettings
 from ggcnn_net2net.search.trainer import Job, run_job
@@ -66,7 +66,7 @@ class CandidateTree:
         ]
 
     def scores(self, nodes: Sequence[Candidate]) -> Sequence[float]:
-        """Train and score what is not known yet. With successive halving, those left behind have no score."""
+        """Train and score what is not known yet. With successive halving, the pruned ones have no score."""
         if not nodes[0].is_child:
             self._train(nodes)
             scores = [self._score(node) for node in nodes]
@@ -78,24 +78,29 @@ class CandidateTree:
                 )
             return scores
         self._begin_level(nodes)
-        alive = list(nodes)
-        for epochs in self.settings.rungs[:-1]:
-            if len(alive) > self.settings.width:
-                # What an earlier level, too small to halve, has trained to the end must not be trained anew.
-                done = [node for node in alive if self._has_score(node) and not self._has_score(node, epochs)]
-                racing = [node for node in alive if node not in done]
-                self._train(racing, epochs)
-                left_behind = self._worse_half(racing, epochs)
-                alive = [node for node in alive if node not in left_behind]
-        self._train(alive)
+        survivors = self._survivors(nodes)
+        self._train(survivors)
         scores = [math.nan if node.key in self._pruned else self._score(node) for node in nodes]
         if self._commitments == 0 and self._level == 1 and all(map(math.isnan, scores)):
             raise SearchError(
-                f"expected a child of the first network that can be trained, all {len(alive)} failed, the last with: "
-                f"{self._results[alive[-1].key].error}; remove the cause, and go on with `ggcnn-net2net search resume "
-                f"{self.directory} --retry-failed`"
+                f"expected a child of the first network that can be trained, all {len(survivors)} failed, the last "
+                f"with: {self._results[survivors[-1].key].error}; remove the cause, and go on with `ggcnn-net2net "
+                f"search resume {self.directory} --retry-failed`"
             )
         return scores
+
+    def _survivors(self, nodes: Sequence[Candidate]) -> list[Candidate]:
+        """Those that successive halving leaves to be trained to the end; without it, all."""
+        survivors = list(nodes)
+        for epochs in self.settings.rungs[:-1]:
+            if len(survivors) > self.settings.width:
+                # What an earlier level, too small to halve, has trained to the end must not be trained anew.
+                done = [node for node in survivors if self._has_score(node) and not self._has_score(node, epochs)]
+                racing = [node for node in survivors if node not in done]
+                self._train(racing, epochs)
+                pruned = self._worse_half(racing, epochs)
+                survivors = [node for node in survivors if node not in pruned]
+        return survivors
 
     def commit(self, node: Candidate) -> Candidate:
         """The node, trained further if the search retrains; if that fails, the node as it was."""
@@ -121,7 +126,7 @@ class CandidateTree:
                     [
                         {
                             "candidate": entry.node.key,
-                            "score": _plain(self._pruned.get(entry.node.key, entry.score)),
+                            "score": score_to_json(self._pruned.get(entry.node.key, entry.score)),
                             "kept": entry.kept,
                             "pruned": entry.node.key in self._pruned,
                         }
@@ -199,13 +204,12 @@ class CandidateTree:
         return all(self._knows(self._job(node, epochs, replicate)) for replicate in range(self._replicates(node)))
 
     def _worse_half(self, nodes: list[Candidate], epochs: int) -> list[Candidate]:
-        """Those that are left behind on a rung; at least as many as the beam is wide go on."""
-        sign = -1 if self.settings.beam.maximise else 1
+        """Prune on a rung; at least as many as the beam is wide go on."""
         scores = {node.key: self._score(node, epochs) for node in nodes}
-        ranked = sorted(nodes, key=lambda node: (math.isnan(scores[node.key]), sign * scores[node.key]))
-        left_behind = ranked[max(self.settings.width, -(-len(nodes) // 2)) :]
-        self._pruned |= {node.key: scores[node.key] for node in left_behind}
-        return left_behind
+        ranked = sorted(nodes, key=lambda node: self.settings.beam.rank(scores[node.key]))
+        pruned = ranked[max(self.settings.width, math.ceil(len(nodes) / 2)) :]
+        self._pruned |= {node.key: scores[node.key] for node in pruned}
+        return pruned
 
     def _begin_level(self, nodes: Sequence[Candidate]) -> None:
         """Tell which candidates come next."""
@@ -232,8 +236,3 @@ class CandidateTree:
 
 def _text(event: Event) -> str:
     return json.dumps(event, sort_keys=True)
-
-
-def _plain(score: float) -> float | None:
-    """JSON knows no NaN."""
-    return None if math.isnan(score) else score

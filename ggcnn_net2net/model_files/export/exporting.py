@@ -69,8 +69,8 @@ def export(
         ModelFileError, DataNotFoundError, VerificationError: as `load_ggcnn`; NaN weights among them.
     """
     path = Path(path)
-    made = format_of(path)
-    check_quantization(made, quantization)
+    export_format = format_of(path)
+    check_quantization(export_format, quantization)
     if (quantization == INT8) != (representative is not None):
         raise ExportError(
             "expected representative depth images (--representative) with int8, and only with it; received "
@@ -78,9 +78,9 @@ def export(
         )
     import_tensorflow()
     with _quiet():
-        made.require()
+        export_format.require()
     file = source_path(model) if isinstance(model, str | Path) else None
-    _check_target(path, made, file)
+    _check_target(path, export_format, file)
     network = _with_one_size(_checked(model))
     size = input_size(network)
     images, images_from = (samples, "the caller") if samples is not None else default_samples(size)
@@ -89,23 +89,23 @@ def export(
     job = Job(network, quantization, calibration)
     beside = metadata_path(path)
     with placing(path.parent, last=beside.name) as folder:
-        parity = _write_and_compare(made, job, folder / path.name, inputs)
+        parity = _write_and_compare(export_format, job, folder / path.name, inputs)
         files = hashes(sorted(folder.iterdir()), folder)
-        facts = metadata(made, job, files, source_of(model, file), parity, images_from)
+        facts = metadata(export_format, job, files, source_of(model, file), parity, images_from)
         (folder / beside.name).write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return path
 
 
-def _write_and_compare(made: Format, job: Job, path: Path, inputs: list[Image]) -> Parity:
+def _write_and_compare(export_format: Format, job: Job, path: Path, inputs: list[Image]) -> Parity:
     expected = _keras_maps(job.model, inputs)
     try:
         with _quiet():
-            made.write(job, path)
-            parity = compare(made.open(path), inputs, expected)
+            export_format.write(job, path)
+            parity = compare(export_format.open(path), inputs, expected)
     except GGCNNError:
         raise
     except Exception as error:  # converters and runtimes raise anything
-        raise ExportError(f"cannot export this network as {made.description}: {error!r}") from error
+        raise ExportError(f"cannot export this network as {export_format.description}: {error!r}") from error
     check(parity, expected, job.quantization)
     return parity
 
@@ -135,13 +135,13 @@ def _with_one_size(model: keras.Model) -> keras.Model:
     return fixed
 
 
-def _check_target(path: Path, made: Format, source: Path | None) -> None:
+def _check_target(path: Path, export_format: Format, source: Path | None) -> None:
     """Refuse to replace what is not an export: a folder of other things, or the network's own file."""
     if source is not None and path.exists() and path.samefile(source):
         raise ExportError(f"expected another path than the network's own file, received {str(path)!r} for both")
-    if made.suffixes and path.is_dir():
+    if export_format.suffixes and path.is_dir():
         raise ExportError(f"expected a file to write, received {str(path)!r}, which is a folder")
-    if not made.suffixes and path.exists() and not (path / "saved_model.pb").is_file():
+    if not export_format.suffixes and path.exists() and not (path / "saved_model.pb").is_file():
         raise ExportError(
             f"expected a new folder, or a SavedModel to replace, received {str(path)!r}, which is neither: name another"
         )

@@ -58,8 +58,8 @@ def _version(module: str) -> str:
 
 
 FORMATS = {
-    made.name: made
-    for made in (
+    export_format.name: export_format
+    for export_format in (
         Format(
             "keras",
             (".keras",),
@@ -136,22 +136,22 @@ def format_of(path: Path) -> Format:
     Raises:
         ExportError: none.
     """
-    for made in FORMATS.values():
-        if path.suffix in made.suffixes or not (path.suffix or made.suffixes):
-            return made
-    known = ", ".join(suffix for made in FORMATS.values() for suffix in made.suffixes)
+    for export_format in FORMATS.values():
+        if path.suffix in export_format.suffixes or not (path.suffix or export_format.suffixes):
+            return export_format
+    known = ", ".join(suffix for export_format in FORMATS.values() for suffix in export_format.suffixes)
     raise ExportError(
         f"expected a path with one of the suffixes {known}, or with none for a SavedModel folder, received "
         f"{str(path)!r}"
     )
 
 
-def check_quantization(made: Format, quantization: str | None) -> None:
+def check_quantization(export_format: Format, quantization: str | None) -> None:
     """Raise an ExportError if a format cannot be quantized as asked for."""
-    if quantization is None or quantization in made.quantizations:
+    if quantization is None or quantization in export_format.quantizations:
         return
     able = [f"{other.name} ({', '.join(other.quantizations)})" for other in FORMATS.values() if other.quantizations]
     raise ExportError(
         f"expected quantization only where the format has it: {', '.join(able)}; received {quantization!r} for "
-        f"{made.name}"
+        f"{export_format.name}"
     )

@@ -66,34 +66,34 @@ def read_metadata(path: str | Path) -> dict[str, Any]:
 
 
 def metadata(
-    made: Format, job: Job, files: dict[str, str], source: dict[str, Any], parity: Parity, images: str
+    export_format: Format, job: Job, files: dict[str, str], source: dict[str, Any], parity: Parity, images: str
 ) -> dict[str, Any]:
     """What is known of an export, as plain JSON values, the same for the same export.
 
     Args:
-        made: the format.
+        export_format: the format.
         job: what was written.
         files: name of each file -> its SHA-256.
         source: where the network comes from.
         parity: how the file compares with the Keras model.
         images: where the images of the comparison come from.
     """
-    versions = made.versions()
+    versions = export_format.versions()
     return {
         "metadata": _FORMAT,
-        "format": made.name,
-        "description": made.description,
+        "format": export_format.name,
+        "description": export_format.description,
         "quantization": job.quantization,
         "files": files,
         "input": {
-            "name": INPUT if made.names_input else None,
-            "shape": _shape(made, job.model),
+            "name": INPUT if export_format.names_input else None,
+            "shape": _shape(export_format, job.model),
             "dtype": "float32",
             "unit": "metres minus the image's mean",
         },
         "preprocessing": list(_PREPROCESSING),
         "outputs": [
-            {"name": name, "shape": _shape(made, job.model), "dtype": "float32", "meaning": meaning}
+            {"name": name, "shape": _shape(export_format, job.model), "dtype": "float32", "meaning": meaning}
             for name, meaning in zip(HEADS, _MEANINGS, strict=True)
         ],
         "decoding": {"name": "RSS_2018", **asdict(RSS_2018)},
@@ -107,7 +107,7 @@ def metadata(
             **asdict(parity),
             "agreement": parity.agreement,
             "images_from": images,
-            "runtime": f"{made.runtime} {versions[made.runtime]}",
+            "runtime": f"{export_format.runtime} {versions[export_format.runtime]}",
         },
         "versions": {
             "ggcnn_net2net": __version__,
@@ -132,9 +132,9 @@ def source_of(model: str | Path | keras.Model, file: Path | None) -> dict[str, A
     return {"name": name, "sha256": sha256_of(file)}
 
 
-def _shape(made: Format, model: keras.Model) -> list[int | str]:
-    batch = "batch" if made.any_batch else 1
-    return [batch, 1, *input_size(model)] if made.channels_first else [batch, *input_size(model), 1]
+def _shape(export_format: Format, model: keras.Model) -> list[int | str]:
+    batch = "batch" if export_format.any_batch else 1
+    return [batch, 1, *input_size(model)] if export_format.channels_first else [batch, *input_size(model), 1]
 
 
 def _architecture(model: keras.Model) -> str | None:

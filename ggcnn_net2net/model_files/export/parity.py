@@ -76,11 +76,13 @@ def check(parity: Parity, expected: Sequence[Maps], quantization: str | None) ->
                     f"expected {name} to differ from the Keras model by {limit:.2g} at most, the written file differs "
                     f"by {difference:.2g} on {parity.images} images"
                 )
-    elif parity.agreement < LEAST_AGREEMENT[quantization or ""]:
+        return
+    assert quantization is not None
+    least = LEAST_AGREEMENT[quantization]
+    if parity.agreement < least:
         raise ExportError(
-            f"expected the same grasp as the Keras model on {LEAST_AGREEMENT[quantization or '']:.0%} of the images, "
-            f"the {quantization} file gives it on {parity.same_grasp} of {parity.images}: choose representative images "
-            "like those of use, or float16"
+            f"expected the same grasp as the Keras model on {least:.0%} of the images, the {quantization} file gives "
+            f"it on {parity.same_grasp} of {parity.images}: choose representative images like those of use, or float16"
         )
 
 
