@@ -126,7 +126,7 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
     from ggcnn_net2net.reproduce.results import current_records, read_settings
     from ggcnn_net2net.simulation.object_sets import load_object_set
     from ggcnn_net2net.simulation.pictures import save_strips, trial_strip
-    from ggcnn_net2net.simulation.scenes import load_scenes
+    from ggcnn_net2net.simulation.scenes import load_scenes, scene_key
     from ggcnn_net2net.simulation.world import World
 
     _, settings, protocol, gripper = read_settings(results / "results.json")
@@ -135,7 +135,7 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
     failed = [
         record
         for record in current_records(results)
-        if record.model == network and not record.success and f"{record.object}/{record.pose}" in scenes
+        if record.model == network and not record.success and scene_key(record.object, record.pose) in scenes
     ]
     if not failed:
         raise ResultsError(f"expected failures of {network!r} in {results}, found none")
@@ -143,7 +143,7 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
     strips = []
     with World() as world:
         for record in chosen:
-            scene = scenes[f"{record.object}/{record.pose}"]
+            scene = scenes[scene_key(record.object, record.pose)]
             strip, _ = trial_strip(world, scene, record.grasp, protocol, gripper)
             strips.append(strip)
     save_strips(output, strips)

@@ -138,7 +138,7 @@ def read_depth(path: Path) -> npt.NDArray[np.float32]:
             f"{image.shape}"
         )
     metres = image / 1000 if image.dtype == np.uint16 else image
-    return _checked_depth(path, metres, ~(np.isfinite(metres) & (metres > 0)))
+    return _checked_depth(path, metres)
 
 
 def read_cloud(path: Path) -> npt.NDArray[np.float32]:
@@ -169,12 +169,11 @@ def read_cloud(path: Path) -> npt.NDArray[np.float32]:
         raise DatasetError(f"expected points with an index of 0 to {SHAPE[0] * SHAPE[1] - 1} in {path}")
     metres = np.zeros(SHAPE)
     metres.flat[index] = np.linalg.norm(points[:, :3], axis=1) / 1000
-    return _checked_depth(path, metres, ~(np.isfinite(metres) & (metres > 0)))
+    return _checked_depth(path, metres)
 
 
-def _checked_depth(
-    path: Path, metres: npt.NDArray[np.floating], missing: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.float32]:
+def _checked_depth(path: Path, metres: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
+    missing = ~(np.isfinite(metres) & (metres > 0))
     median = 0.0 if missing.all() else float(np.median(metres[~missing]))
     if not _PLAUSIBLE[0] <= median <= _PLAUSIBLE[1]:
         raise DatasetError(

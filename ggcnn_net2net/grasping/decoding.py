@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,6 +92,12 @@ def decode_maps(
         )
         for row, col in _peaks(smooth_quality, n_grasps, decoding)
     ]
+
+
+def best_grasp(maps: Iterable[npt.ArrayLike], decoding: Decoding = RSS_2018) -> Grasp | None:
+    """The best grasp of the four maps (4, H, W) of one image, as `decode_maps` finds it; None where there is none."""
+    quality, cos, sin, width = maps
+    return next(iter(decode_maps(quality, cos, sin, width, decoding=decoding)), None)
 
 
 _NAMES = ("quality", "cos", "sin", "width")

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ggcnn_net2net.errors import DatasetError, GraspError
-from ggcnn_net2net.grasping import RSS_2018, Grasp, IouRate, decode_maps, iou_rate
+from ggcnn_net2net.grasping import RSS_2018, Grasp, IouRate, iou_rate
+from ggcnn_net2net.grasping.decoding import best_grasp
 from ggcnn_net2net.inference.predict import predict_maps
 from ggcnn_net2net.parallel import Crash, run_parallel
 from ggcnn_net2net.protocol import Protocol
@@ -109,6 +110,4 @@ def _blocks(maps: Iterator[npt.NDArray[np.float32]]) -> Iterator[tuple[npt.NDArr
 
 def _decode(maps: npt.NDArray[np.float32]) -> list[Grasp | None]:
     """The best grasp of each of n images, from their maps (n, 4, H, W)."""
-    return [
-        next(iter(decode_maps(quality, cos, sin, width, decoding=_DECODING)), None) for quality, cos, sin, width in maps
-    ]
+    return [best_grasp(of_image, _DECODING) for of_image in maps]

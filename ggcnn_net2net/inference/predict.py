@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ggcnn_net2net.grasping import RSS_2018, Decoding, Grasp, decode_maps
+from ggcnn_net2net.grasping import RSS_2018, Decoding, Grasp
+from ggcnn_net2net.grasping.decoding import best_grasp
 from ggcnn_net2net.inference.network import compiled_network
 
 if TYPE_CHECKING:
@@ -45,8 +46,4 @@ def predict_grasps(
         n grasps in pixels; None where the network sees none.
     """
     inputs = depth - depth.mean(axis=(1, 2), keepdims=True)
-    found = (
-        decode_maps(quality, cos, sin, width, decoding=decoding)
-        for quality, cos, sin, width in predict_maps(model, inputs)
-    )
-    return [grasps[0] if grasps else None for grasps in found]
+    return [best_grasp(maps, decoding) for maps in predict_maps(model, inputs)]

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from ggcnn_net2net.atomic import replacing
-from ggcnn_net2net.grasping import RSS_2018, Grasp, decode_maps
+from ggcnn_net2net.grasping import RSS_2018, Grasp
+from ggcnn_net2net.grasping.decoding import best_grasp
 from ggcnn_net2net.inference import predict_maps
 from ggcnn_net2net.inference.drawing import draw_grasp
 from ggcnn_net2net.protocol import Protocol
@@ -72,10 +73,10 @@ def predict(model: keras.Model, item: ObjectModel, pose: int, seed: int, protoco
     """
     with World() as world:
         scene = make_scene(world, item, pose, seed)
-        ((quality, cos, sin, width),) = predict_maps(model, [scene.depth - scene.depth.mean()])
+        (maps,) = predict_maps(model, [scene.depth - scene.depth.mean()])
+        quality, cos, sin, width = maps
         decoding = decoding_of(protocol)
-        found = decode_maps(quality, cos, sin, width, decoding=decoding)
-        grasp = found[0] if found else None
+        grasp = best_grasp(maps, decoding)
         outcome = run_trial(world, scene, grasp, protocol).outcome.value
         view = _view(world, scene, grasp)
     return Prediction(scene, view, quality, np.arctan2(sin, cos) / 2, width * decoding.width_scale, grasp, outcome)

@@ -11,7 +11,7 @@ from ggcnn_net2net.parallel import Crash, Workers
 from ggcnn_net2net.protocol import Protocol
 from ggcnn_net2net.simulation.gripper_spec import GripperSpec
 from ggcnn_net2net.simulation.object_sets import ObjectModel, ObjectSet
-from ggcnn_net2net.simulation.scenes import Scene, SceneSettings, load_scenes, make_scene, save_scenes
+from ggcnn_net2net.simulation.scenes import Scene, SceneSettings, load_scenes, make_scene, save_scenes, scene_key
 from ggcnn_net2net.simulation.trial import Outcome, TrialResult, run_trial
 from ggcnn_net2net.simulation.world import Bin, process_world
 
@@ -51,7 +51,7 @@ def prepare_scenes(
     """
     jobs = [(model, pose) for model in objects.objects for pose in range(settings.poses)]
     scenes = {scene.key: scene for scene in load_scenes(path, objects, settings)} if path.is_file() else {}
-    missing = [(model, pose) for model, pose in jobs if f"{model.name}/{pose}" not in scenes]
+    missing = [(model, pose) for model, pose in jobs if scene_key(model.name, pose) not in scenes]
     on_progress(len(scenes))
     if not missing:
         return list(scenes.values())
@@ -68,7 +68,7 @@ def prepare_scenes(
     finally:
         if scenes:
             save_scenes(path, scenes.values(), settings)
-    return [scenes[key] for model, pose in jobs if (key := f"{model.name}/{pose}") in scenes]
+    return [scenes[key] for model, pose in jobs if (key := scene_key(model.name, pose)) in scenes]
 
 
 def run_trials(

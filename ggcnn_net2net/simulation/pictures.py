@@ -130,9 +130,9 @@ def draw_grasp(rgb: Image, grasp: Grasp | None) -> Image:
     image = np.ascontiguousarray(rgb.copy())
     if grasp is not None:
         corners = [(round(col), round(row)) for row, col in grasp_to_rectangle(grasp)]
-        for start, end, colour, width in ((0, 1, (40, 40, 40), 1), (2, 3, (40, 40, 40), 1)):
-            cv2.line(image, corners[start], corners[end], colour, width, cv2.LINE_AA)
-        for start, end in ((1, 2), (3, 0)):
+        for start, end in ((0, 1), (2, 3)):  # the opening
+            cv2.line(image, corners[start], corners[end], (40, 40, 40), 1, cv2.LINE_AA)
+        for start, end in ((1, 2), (3, 0)):  # the jaws
             cv2.line(image, corners[start], corners[end], (0, 60, 255), 3, cv2.LINE_AA)
     return image
 

@@ -48,7 +48,12 @@ class Scene:
     @property
     def key(self) -> str:
         """Name of the scene within its set: OBJECT/POSE."""
-        return f"{self.model.name}/{self.pose}"
+        return scene_key(self.model.name, self.pose)
+
+
+def scene_key(object_name: str, pose: int) -> str:
+    """Name of a scene within its set: OBJECT/POSE."""
+    return f"{object_name}/{pose}"
 
 
 def make_scene(world: World, model: ObjectModel, pose: int, seed: int) -> Scene:
@@ -171,7 +176,7 @@ def load_scenes(path: Path, objects: ObjectSet, settings: SceneSettings | None =
             if found.fingerprint != objects.fingerprint:
                 raise SceneError(f"expected scenes of the object set {objects.name} in {path}, its meshes differ")
             return [
-                _read_scene(file[f"{model.name}/{pose}"], model, int(pose))
+                _read_scene(file[scene_key(model.name, int(pose))], model, int(pose))
                 for model in objects.objects
                 if model.name in file
                 for pose in sorted(file[model.name], key=int)

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from ggcnn_net2net.architecture import HEADS
 from ggcnn_net2net.errors import ExportError
-from ggcnn_net2net.grasping import Grasp, decode_maps, iou_success, published_rectangle
+from ggcnn_net2net.grasping import Grasp, iou_success, published_rectangle
+from ggcnn_net2net.grasping.decoding import best_grasp
 from ggcnn_net2net.model_files.export.runtime import FLOAT16, INT8, Image, Runtime
 
 TOLERANCES = {None: 1e-4, FLOAT16: 2e-2}
@@ -57,7 +58,7 @@ def compare(runtime: Runtime, inputs: Sequence[Image], expected: Sequence[Maps])
         )
     received = [_run(runtime, image, maps.shape) for image, maps in zip(inputs, expected, strict=True)]
     differences = np.abs(np.stack(received) - np.stack(expected)).max(axis=(0, 2, 3))
-    grasps = [(_best(one), _best(other)) for one, other in zip(received, expected, strict=True)]
+    grasps = [(best_grasp(one), best_grasp(other)) for one, other in zip(received, expected, strict=True)]
     return Parity(
         images=len(inputs),
         max_abs_difference=dict(zip(HEADS, differences.tolist(), strict=True)),
@@ -95,10 +96,6 @@ def _run(runtime: Runtime, image: Image, shape: tuple[int, ...]) -> Maps:
         if not np.isfinite(output).all():
             raise ExportError(f"expected finite maps, the written file gives NaN or infinity in {name}")
     return np.stack(outputs)[:, 0, ..., 0]
-
-
-def _best(maps: Maps) -> Grasp | None:
-    return next(iter(decode_maps(*maps)), None)
 
 
 def _same(one: Grasp | None, other: Grasp | None) -> bool:
