@@ -15,6 +15,7 @@ from pathlib import Path
 import platformdirs
 import requests
 from filelock import FileLock
+from rich.console import Console
 from rich.progress import (
     BarColumn,
     DownloadColumn,
@@ -120,9 +121,12 @@ def _fetch(url: str, target: Path, sha256: str | None) -> None:
     try:
         if sha256 is not None:
             verify(part, sha256)
-    except VerificationError:
+    except VerificationError as error:
         part.unlink()
-        raise
+        raise VerificationError(
+            f"expected {url} with SHA-256 {sha256}, received another file (a login page of the network?): try again, "
+            f"or put the file at {target} by hand"
+        ) from error
     part.replace(target)
 
 
@@ -141,7 +145,7 @@ def _transfer(url: str, part: Path) -> None:
         total = offset + int(response.headers.get("Content-Length", 0)) or None
         columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
         with (
-            Progress(*columns, TimeRemainingColumn()) as progress,
+            Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress,
             part.open("ab" if resumed else "wb") as stream,
         ):
             task = progress.add_task(f"download {url.rsplit('/', 1)[-1]}", total=total, completed=offset)

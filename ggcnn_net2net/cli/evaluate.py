@@ -132,9 +132,13 @@ def failures(results: Path, objects_spec: str | None, network: str, count: int, 
     _, settings, protocol, gripper = read_settings(results / "results.json")
     objects = load_object_set(objects_spec or settings.object_set, protocol)
     scenes = {scene.key: scene for scene in load_scenes(results / "scenes.h5", objects, settings)}
+    records = current_records(results)
+    networks = dict.fromkeys(record.model for record in records)
+    if network not in networks:
+        raise ResultsError(f"expected one of the networks {'; '.join(networks) or 'none'}, received {network!r}")
     failed = [
         record
-        for record in current_records(results)
+        for record in records
         if record.model == network and not record.success and scene_key(record.object, record.pose) in scenes
     ]
     if not failed:
@@ -243,21 +247,23 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
 
 def _print_comparison(console: Console, found: Comparison, first: str, second: str) -> None:
     """Rates, test, and the objects with other counts."""
+    from rich.markup import escape
+
     rates = _new_table(("network", "success", "rate (95% interval)"))
     for name, rate in ((first, found.first), (second, found.second)):
         low, high = rate.interval
-        rates.add_row(name, f"{rate.successes}/{rate.trials}", f"{rate.value:.3f} ({low:.3f}-{high:.3f})")
+        rates.add_row(escape(name), f"{rate.successes}/{rate.trials}", f"{rate.value:.3f} ({low:.3f}-{high:.3f})")
     paired = found.paired
     test = (
         f"{second} against {first}, same scenes: {paired.only_second} won, {paired.only_first} lost, "
         f"p = {paired.p_value:.3g} (McNemar's exact test)"
     )
     differing = [item for item in found.objects if item.first != item.second]
-    objects = _new_table(("object", first, second, "poses"))
+    objects = _new_table(("object", escape(first), escape(second), "poses"))
     for item in differing:
-        objects.add_row(item.name, str(item.first), str(item.second), str(item.poses))
+        objects.add_row(escape(item.name), str(item.first), str(item.second), str(item.poses))
     console.print(rates)
-    console.print(test, highlight=False, soft_wrap=True)
+    console.print(test, highlight=False, markup=False, soft_wrap=True)
     if differing:
         console.print(objects)
     console.print(f"As many successes with both: {len(found.objects) - len(differing)} of {len(found.objects)} objects")

@@ -65,12 +65,21 @@ _RUN = (
         type=click.Choice(["paper", "corrected"], case_sensitive=False),
         help="With --run: only this one. [default: those of the figure]",
     ),
-    click.option("--objects", "objects_spec", default="procedural40", show_default=True, metavar="SET", help="Of SIM."),
-    click.option("--poses", default=5, show_default=True, type=click.IntRange(min=1), help="Of each object, in SIM."),
     click.option(
-        "--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of the searches and the scenes."
+        "--objects",
+        "objects_spec",
+        default="procedural40",
+        show_default=True,
+        metavar="SET",
+        help="With --run: objects of SIM.",
     ),
-    click.option("--workers", type=click.IntRange(min=1), help="Worker processes. [default: one per core]"),
+    click.option(
+        "--poses", default=5, show_default=True, type=click.IntRange(min=1), help="With --run: poses of each object."
+    ),
+    click.option(
+        "--seed", default=0, show_default=True, type=click.IntRange(min=0), help="With --run: of searches and scenes."
+    ),
+    click.option("--workers", type=click.IntRange(min=1), help="With --run: processes. [default: one per core]"),
 )
 
 
@@ -197,8 +206,10 @@ def everything(
       python -m ggcnn_net2net.reproduce all --run --budget paper --data cornell.h5
     """
     from ggcnn_net2net.cli.reproduce import table1  # which imports this module
+    from ggcnn_net2net.reproduce.experiments import EXPERIMENTS, part_of
 
     _need_data(options)
+    part_of(EXPERIMENTS["fig3"], networks=_named(networks))  # names that are wrong show now, not after hours
     status: int = context.invoke(
         table1,
         objects_spec=options["objects_spec"],
@@ -262,6 +273,7 @@ def _run(
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reproduce.experiments import part_of
     from ggcnn_net2net.reproduce.run_experiment import Conditions, run_experiment
+    from ggcnn_net2net.zoo import PREFIX, names
 
     part = part_of(
         experiment,
@@ -270,7 +282,7 @@ def _run(
         networks=networks,
     )
     for network, protocol in itertools.product(sorted({curve.network for curve in part.curves}), part.protocols):
-        note_other_loss(network, protocol)
+        note_other_loss(f"{PREFIX}{network}" if network in names() else network, protocol)
     import_tensorflow()
     try:
         with LocalWorkers(workers or os.cpu_count() or 1) as pool:

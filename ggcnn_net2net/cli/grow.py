@@ -18,7 +18,13 @@ if TYPE_CHECKING:
 @click.argument("file")
 @click.option("--ops", required=True, help='Operations in order, for example "deeper(3), wider(3)".')
 @click.option("-o", "--output", required=True, type=OutputFile(), help="File to write.")
-@click.option("--seed", default=0, show_default=True, help="Seed of the filters that wider replicates.")
+@click.option(
+    "--seed",
+    default=0,
+    show_default=True,
+    type=click.IntRange(min=0),
+    help="Seed of the filters that wider replicates.",
+)
 @click.option("--noise", default=0.0, show_default=True, help="Noise that sets the copies of wider apart.")
 @click.option("--draw", type=Picture(), help="Picture of the kernels before and after.")
 def grow_command(file: str, ops: str, output: Path, seed: int, noise: float, draw: Path | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,9 +76,13 @@ def note_other_loss(network: str, protocol: Protocol) -> None:
         network: as for `open_network`.
         protocol: of the training to come.
     """
+    from ggcnn_net2net.errors import ModelFileError
     from ggcnn_net2net.model_files.load import PUBLISHED
 
-    record = None if network == PUBLISHED else made_by(network)  # looked for once, which may be a download
+    record = None
+    if network != PUBLISHED:  # which is looked for once: that may be a download
+        with suppress(ModelFileError):  # raised again where the network is opened
+            record = made_by(network)
     learnt = ((record or {}).get("recipe") or {}).get("protocol") or {}
     if learnt.get("masked_loss") and not protocol.masked_loss:
         click.echo(

@@ -97,7 +97,7 @@ def predict_command(
         raise click.UsageError("expected an IMAGE, a folder of images, or --watch FOLDER")
     watched = FolderWatch(watch) if watch is not None else None  # before the network loads, to miss nothing
     camera = _camera((fx, fy, cx, cy), camera_file)
-    paths = _expanded(images)
+    paths = _expanded(images, watch)
     console = Console()
     predictor, name = _predictor(network, preset, mode, backend)
     job = _Job(predictor, output, name, backend, camera, n_grasps, depth_unit)
@@ -159,14 +159,14 @@ class _Job:
         from ggcnn_net2net.inference.depth_files import read_depth_file
         from ggcnn_net2net.inference.prediction_files import write_prediction_json, write_prediction_picture
 
-        name = path.stem
-        if self.outputs.setdefault(name, path) != path:
+        name, file = path.stem, path.resolve()
+        if self.outputs.setdefault(name, file) != file:
             self.outputs[str(path)] = path  # counted, but nothing is written
             raise DepthImageError(f"its results would replace those of {self.outputs[name]}: rename one of them")
         prediction = self.predictor.look(read_depth_file(path), self.camera, self.n_grasps, self.depth_unit)
         title = f"{path.name}: {self._unit(prediction)}; {self.network}, preset {self.predictor.preset.name}"
-        write_prediction_picture(self.folder / f"{name}_grasps.png", prediction, title)
         write_prediction_json(self.folder / f"{name}_grasps.json", prediction, self._origin(path))
+        write_prediction_picture(self.folder / f"{name}_grasps.png", prediction, title)
         return prediction
 
     def _unit(self, prediction: Prediction) -> str:
@@ -209,15 +209,15 @@ def _camera(values: tuple[float | None, ...], file: Path | None) -> Intrinsics |
     return Intrinsics(*given) if given else None
 
 
-def _expanded(images: Sequence[Path]) -> list[Path]:
-    """Files as they are named, folders as the depth images in them; each once."""
+def _expanded(images: Sequence[Path], watch: Path | None) -> list[Path]:
+    """Files as they are named, folders as the depth images in them; each once. A watched one may still be empty."""
     from ggcnn_net2net.errors import DepthImageError
     from ggcnn_net2net.inference.depth_files import SUFFIXES, depth_files
 
     paths: list[Path] = []
     for image in images:
         found = depth_files(image) if image.is_dir() else [image]
-        if not found:
+        if not found and (watch is None or not image.samefile(watch)):
             raise DepthImageError(
                 f"expected depth images ({', '.join(SUFFIXES)}; PNGs of 16 bits) in {image}, found none"
             )

@@ -22,7 +22,7 @@ def stages(console: Console) -> Iterator[Callable[[str, int, int], None]]:
     """Yield a function (stage, done, total) that keeps one progress bar per stage, with the time left."""
     bars: dict[str, TaskID] = {}
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),  # names of networks may have brackets
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),

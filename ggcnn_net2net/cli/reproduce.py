@@ -98,7 +98,9 @@ def table1(
             on_progress=progress,
         )
     print_table(console, table)
-    console.print(f"Written to {output}: results.json, grasps.csv, table1.md, table1.png, scenes.h5", soft_wrap=True)
+    console.print(
+        f"Written to {output}: results.json, grasps.csv, table1.md, table1.png, scenes.h5", markup=False, soft_wrap=True
+    )
     return CRASHED if table.crashed else 0
 
 

@@ -134,14 +134,14 @@ def run(
     import_tensorflow()
     network, name = open_network(model, size, settings.seed)
     if settings.distil is None:
-        note_other_loss(model, settings.recipe.protocol)
+        note_other_loss(name, settings.recipe.protocol)
     for other in reuse:
         differing = differences(network, settings, dataset, other)
         if differing:
             click.echo(f"Nothing can be taken from {other}, it differs in {', '.join(differing)}", err=True)
     _watch(
         directory,
-        _workers(scheduler, workers or cores),
+        _workers(scheduler, workers, cores),
         lambda pool, on_event: start_search(
             network,
             dataset,
@@ -172,7 +172,7 @@ def resume(directory: Path, workers: int | None, scheduler: str | None, retry_fa
     threads = load_history(directory).settings.threads
     _watch(
         directory,
-        _workers(scheduler, workers or max(1, (os.cpu_count() or 1) // threads)),
+        _workers(scheduler, workers, max(1, (os.cpu_count() or 1) // threads)),
         lambda pool, on_event: resume_search(directory, pool, retry_failed=retry_failed, on_event=on_event),
     )
 
@@ -215,11 +215,13 @@ def _settings(**options: Any) -> SearchSettings:
     return SearchSettings(max_parameters=options.pop("max_params"), recipe=recipe, **options)
 
 
-def _workers(scheduler: str | None, number: int) -> AbstractContextManager[Workers]:
+def _workers(scheduler: str | None, given: int | None, usual: int) -> AbstractContextManager[Workers]:
+    if scheduler is not None and given is not None:
+        raise click.UsageError("expected --workers or --scheduler, received both: a cluster has workers of its own")
     if scheduler is None:
         from ggcnn_net2net.parallel import LocalWorkers
 
-        return LocalWorkers(number)
+        return LocalWorkers(given or usual)
     from ggcnn_net2net.cluster import DaskWorkers
 
     return DaskWorkers(scheduler)
@@ -233,13 +235,15 @@ def _watch(
     """Run a search with its live view, and report on it."""
     from rich.console import Console
 
+    from ggcnn_net2net.search.journal import JOURNAL_FILE, read_events, resume_command
     from ggcnn_net2net.search.live import LiveView
 
     try:
         with workers as pool, LiveView(Console(), workers=pool.count) as view:
             history = search(pool, view.on_event)
     except KeyboardInterrupt:
-        click.echo(f"Everything so far is kept: ggcnn-net2net search resume {directory}", err=True)
+        if read_events(directory / JOURNAL_FILE):
+            click.echo(f"Everything so far is kept: {resume_command(directory)}", err=True)
         raise
     _report(history, directory / "report")
     click.echo(f"The best network of the path: {directory / 'best.hdf5'}")

@@ -145,7 +145,7 @@ def train_command(
     set_threads(threads)
     model, name = open_network(network, stored.shape[0], seed)
     if teacher is None:
-        note_other_loss(network, protocol)
+        note_other_loss(name, protocol)
     earlier = made_by(network)
     checkpoint_dir = checkpoint_dir or Path(f"{output}.training")
     console = Console()
@@ -263,12 +263,6 @@ def _write_records(
     from ggcnn_net2net.training.report import write_curves, write_history
     from ggcnn_net2net.training.stages import write_stage_curves
 
-    write_history(result.history, output.with_suffix(".csv"))
-    picture, title = output.with_suffix(".png"), f"{facts['network']} on {data.path.name}"
-    if stages:
-        write_stage_curves(result.history, stages, picture, title)
-    else:
-        write_curves(result.history, picture, title)
     provenance = {
         "command": command_line(),
         **facts,
@@ -281,6 +275,12 @@ def _write_records(
         "versions": versions(),
     }
     write_text(output.with_suffix(".json"), json.dumps(provenance, indent=2) + "\n")
+    write_history(result.history, output.with_suffix(".csv"))
+    picture, title = output.with_suffix(".png"), f"{facts['network']} on {data.path.name}"
+    if stages:
+        write_stage_curves(result.history, stages, picture, title)
+    else:
+        write_curves(result.history, picture, title)
 
 
 def _growth(output: Path, recipe: Recipe, stages: Sequence[Stage]) -> dict[str, Any]:

@@ -78,6 +78,7 @@ def open_jacquard(path: Path, depth: str = "perfect") -> SceneFolder:
         raise DatasetError(f"expected the depth of Jacquard as perfect or stereo, received {depth!r}")
     problems: list[Problem] = []
     files: list[JacquardFile] = []
+    found: set[str] = set()
     for labels in sorted(path.rglob(f"*{_LABELS}"), key=lambda file: (file.parent, file.name)):
         name = labels.name[: -len(_LABELS)]
         where = str(labels.relative_to(path))
@@ -89,11 +90,15 @@ def open_jacquard(path: Path, depth: str = "perfect") -> SceneFolder:
         if lacking:
             problems.append(Problem(where, f"scene left out: no {' and no '.join(lacking)}"))
             continue
+        if name in found:
+            problems.append(Problem(where, "scene left out: another folder has one of this name"))
+            continue
         try:
             read_grasps(labels)
         except DatasetError as error:
             problems.append(Problem(where, f"scene left out: {error}"))
         else:
+            found.add(name)
             files.append(JacquardFile(name, name.partition("_")[2] or name, labels, depth))
     if not files:
         raise DatasetError(

@@ -76,7 +76,7 @@ def write_sheet(path: Path, samples: Sequence[tuple[str, Sample]]) -> None:
         drawn = _draw_sample(axes[line, block * len(_PANELS) :][: len(_PANELS)], caption, sample)
     for axis, title in zip(axes[0], _PANELS * _ABREAST, strict=True):
         place = {"xy": (0.5, 1), "xycoords": "axes fraction", "xytext": (0, 14), "textcoords": "offset points"}
-        axis.annotate(title, ha="center", fontsize=8, **place)  # above the captions
+        axis.annotate(title, ha="center", fontsize=8, parse_math=False, **place)  # above the captions
     halves = (axes[:, : columns // 2], axes[:, columns // 2 :])
     labels = ("angle, degrees", "width, pixels")
     for image, label, half, step in zip(drawn, labels, halves, (45, 50), strict=True):
@@ -97,7 +97,7 @@ def _draw_sample(axes: Any, caption: str, sample: Sample) -> list[Any]:
 
     unlabelled = sample.maps.quality == 0
     axes[0].imshow(sample.rgb)
-    axes[0].set_title(caption, fontsize=6, loc="left")
+    axes[0].set_title(caption, fontsize=6, loc="left", parse_math=False)
     low, high = np.percentile(sample.depth, (1, 99))
     axes[1].imshow(sample.depth, cmap="gray", vmin=low, vmax=max(high, low + 1e-6))
     corners = sample.rectangles[..., ::-1]  # (col, row), as matplotlib counts

@@ -114,10 +114,12 @@ def read_split(path: Path) -> Split:
 
     Raises:
         DatasetError: no such file, one that is none, or one whose hash does not fit its names.
-    """
+    """  # noqa: DOC501 -- the ValueError is caught
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
         sha256 = content.pop("sha256", None)
+        if not all(isinstance(name, str) for name in (*content["train"], *content["test"])):
+            raise ValueError("names that are not texts")
         split = Split(**{**content, "train": tuple(content["train"]), "test": tuple(content["test"])})
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise DatasetError(

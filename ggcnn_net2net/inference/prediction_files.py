@@ -79,6 +79,6 @@ def write_prediction_picture(path: Path, prediction: Prediction, title: str) -> 
         axes.set(xlim=(-0.5, metres.shape[1] - 0.5), ylim=(metres.shape[0] - 0.5, -0.5))
         for number, grasp in reversed(list(enumerate(prediction.grasps, start=1))):  # the best on top
             draw_grasp(axes, grasp, str(number))
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11, parse_math=False)
     with replacing(path) as temporary:
         figure.savefig(temporary)

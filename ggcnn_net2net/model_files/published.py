@@ -5,6 +5,7 @@ Source: github.com/dougsm/mvp_grasp at a fixed commit; Keras 2.0.8 full model, B
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 from ggcnn_net2net import reference_data
@@ -54,5 +55,5 @@ def published_weights(allow_download: bool = True) -> Path:
         f"the published GG-CNN weights {PUBLISHED_NAME} (SHA-256 {PUBLISHED_SHA256}) were not found. Looked for:\n"
         f"{searched}\n  {PUBLISHED_URL}\n    ({reason})\n"
         f"On a machine with network access, this command fetches them:\n"
-        f"  curl --create-dirs -fLo {checkout} {PUBLISHED_URL}"
+        f"  curl --create-dirs -fLo {shlex.quote(str(checkout))} {PUBLISHED_URL}"
     )

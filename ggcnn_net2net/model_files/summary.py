@@ -109,7 +109,8 @@ def model_summary(source: str | Path) -> ModelSummary:
     numbers = _numbers(model)
     layers = tuple(_layer_summary(layer, numbers.get(layer.name)) for layer in model.layers)
     refused_for = tuple(problems(model))
-    height, width = model.inputs[0].shape[1:3]
+    size = model.inputs[0].shape[1:3]  # a file may hold anything, also a model of no images
+    side = size[0] if len(size) == 2 and size[0] == size[1] else None
     return ModelSummary(
         path=str(path),
         size_bytes=path.stat().st_size,
@@ -123,7 +124,7 @@ def model_summary(source: str | Path) -> ModelSummary:
         heads=tuple(output_names(model)),
         layers=layers,
         parameters=model.count_params(),
-        multiplications=architecture.multiplications(height) if architecture and height and height == width else None,
+        multiplications=architecture.multiplications(side) if architecture and side else None,
         optimizer=stored.optimizer,
         history=stored.history,
         checks=_health_checks(layers, refused_for),

@@ -140,7 +140,7 @@ def draw(path: Path, prediction: Prediction, network: str, protocol: Protocol) -
         )
     scene = prediction.scene
     title = f"{network}; object {scene.model.name}, pose {scene.pose}; protocol {protocol.name}"
-    figure.suptitle(f"{title}\n{caption}", fontsize=12)
+    figure.suptitle(f"{title}\n{caption}", fontsize=12, parse_math=False)
     with replacing(path) as temporary:
         figure.savefig(temporary)
 

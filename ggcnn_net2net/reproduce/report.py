@@ -9,6 +9,7 @@ from textwrap import fill
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from tabulate import tabulate
 
@@ -28,12 +29,12 @@ def print_table(console: Console, table: Table1) -> None:
     for heading in headings(table):
         shown.add_column(heading, justify="left" if heading == HEADINGS[0] else "right", no_wrap=True)
     for row in cells(table):
-        shown.add_row(*row)
+        shown.add_row(*map(escape, row))
     # A narrow terminal breaks lines, which can still be read; rich would cut numbers.
     shown.width = console.measure(shown, options=console.options.update(max_width=1000)).maximum
     console.print(shown, soft_wrap=True)
     for line in captions(table):
-        console.print(line, highlight=False, soft_wrap=True)
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def headings(table: Table1) -> tuple[str, ...]:
@@ -150,7 +151,7 @@ def write_chart(path: Path, table: Table1) -> None:
         f"{fill(row.network.name, _LABEL_WIDTH, break_on_hyphens=False)}\n{row.network.parameters:,}"
         for row in table.rows
     ]
-    axes.set_xticks(list(positions), names)
+    axes.set_xticks(list(positions), names, parse_math=False)
     axes.set_ylim(0, 1)
     axes.set_ylabel("success rate, 95% interval")
     axes.set_title(f"Grasp success, {max((rate.trials for rate in rates), default=0)} grasps a network")

@@ -192,6 +192,11 @@ def check_settings(path: Path, settings: dict[str, Any]) -> None:
         ResultsError: other scenes, protocol, gripper or versions.
     """
     if not path.is_file():
+        if path.with_name("grasps.csv").is_file():
+            raise ResultsError(
+                f"expected {path}, which tells how the grasps in {path.parent} were made, found none: put it back, or "
+                "choose another --output"
+            )
         return
     before, now = ({"gripper": "the paper's", **values} for values in (read_settings(path)[0], settings))
     for name, value in now.items():

@@ -114,6 +114,8 @@ def run_experiment(
     for protocol, objects in sets.items():  # what would be refused after hours of searching
         scenes = SceneSettings.of(objects, conditions.poses, conditions.seed)
         check_settings(simulations[protocol] / "results.json", settings_of(scenes, protocol, PAPER_GRIPPER))
+    if (output / RESULTS_FILE).is_file():
+        read_points(output / RESULTS_FILE)
     for protocol, objects in sets.items():
         networks: list[Network] = []
         for curve in experiment.curves:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shlex
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -29,6 +30,19 @@ _SUPERSEDED = ("failed", "lookahead", "committed", "finished")
 
 Event = dict[str, Any]
 """JSON values; the key "event" names its kind."""
+
+
+def resume_command(directory: Path, *options: str) -> str:
+    """What a user types to go on with a search.
+
+    Args:
+        directory: folder of the search.
+        options: of `search resume`.
+
+    Returns:
+        The command, quoted for a shell.
+    """
+    return shlex.join(["ggcnn-net2net", "search", "resume", str(directory), *options])
 
 
 def score_to_json(score: float) -> float | None:

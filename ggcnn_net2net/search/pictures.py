@@ -257,7 +257,7 @@ def _draw_legend(figure: Any, history: SearchHistory) -> None:
     ]
     width, height = figure.get_size_inches()
     title = f"{len(history.candidates)} candidates from {history.network}: {history.score_name} and parameters"
-    figure.text(_MARGIN / width, 1 - 0.3 / height, title, fontsize=12, weight="bold")
+    figure.text(_MARGIN / width, 1 - 0.3 / height, title, fontsize=12, weight="bold", parse_math=False)
     figure.legend(
         handles=meanings,
         loc="upper left",

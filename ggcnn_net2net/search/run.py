@@ -24,6 +24,7 @@ from ggcnn_net2net.search.journal import (
     Journal,
     in_force,
     read_events,
+    resume_command,
     score_from_json,
 )
 from ggcnn_net2net.search.reuse import TrainedElsewhere
@@ -88,8 +89,8 @@ def start_search(
     with Journal(directory / JOURNAL_FILE) as journal:
         if read_events(journal.path):
             raise SearchError(
-                f"expected a new folder, {directory} holds a search: go on with `ggcnn-net2net search resume "
-                f"{directory}`, or name another one"
+                f"expected a new folder, {directory} holds a search: go on with "
+                f"`{resume_command(directory)}`, or name another one"
             )
         begun = _prepare(model, dataset, settings, directory, name, command)
         begun["reuse"] = [str(Path(other).absolute()) for other in reuse]

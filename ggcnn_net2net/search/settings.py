@@ -94,6 +94,11 @@ class SearchSettings:
                 raise SearchError(f"expected {name} of 1 or more, received {value}")
         if self.retrain < 0 or self.seed < 0:
             raise SearchError(f"expected retrain and seed of 0 or more, received {self.retrain} and {self.seed}")
+        if not self.lookahead and (self.retrain or self.patience):
+            raise SearchError(
+                "expected lookahead for retrain and patience, which act after each commitment: without it there is one "
+                f"at the end, received retrain={self.retrain}, patience={self.patience}"
+            )
         if not 0 < self.distil_weight <= 1:
             raise SearchError(f"expected distil_weight above 0 and at most 1, received {self.distil_weight}")
         if self.halving and self.recipe.learning_rate_schedule is not None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ggcnn_net2net.errors import SearchError
 from ggcnn_net2net.parallel import Crash
 from ggcnn_net2net.search.candidates import ROOT, Candidate
-from ggcnn_net2net.search.journal import Event
+from ggcnn_net2net.search.journal import Event, resume_command
 from ggcnn_net2net.search.settings import FROM_PARENT, SearchSettings
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def run_job(job: Job) -> Event:
         if _is_of_files(error):
             raise SearchError(
                 f"expected to read and write {job.directory} and {job.data}, received {error}: mend it, then go on "
-                f"with `ggcnn-net2net search resume {job.directory}`"
+                f"with `{resume_command(job.directory)}`"
             ) from error
         message = " ".join(f"{type(error).__name__}: {error}".splitlines()[:1])
         outcome = {"event": "failed", **facts, "error": message, "traceback": traceback.format_exc()}
@@ -143,15 +143,14 @@ def _train_and_score(job: Job) -> dict[str, Any]:
 
 def _trained(job: Job) -> tuple[keras.Model, float | None]:
     """The candidate, and the mean loss of its last epoch."""
-    from ggcnn_net2net.model_files import load_ggcnn
     from ggcnn_net2net.net2net import apply_operations
     from ggcnn_net2net.training import train
 
     settings, candidate = job.settings, job.candidate
     if candidate.operation == ROOT:
-        return load_ggcnn(model_file(job.directory, candidate.key)), None
+        return _load(model_file(job.directory, candidate.key)), None
     assert candidate.parent is not None
-    parent = load_ggcnn(model_file(job.directory, candidate.parent))
+    parent = _load(model_file(job.directory, candidate.parent))
     carried = settings.carry_optimizer and _carry_optimizer(job, parent)
     start = parent
     if candidate.is_child:
@@ -167,16 +166,26 @@ def _trained(job: Job) -> tuple[keras.Model, float | None]:
     return result.model, result.history[-1]["loss"]
 
 
+def _load(path: Path) -> keras.Model:
+    """A network of the search's own folder, which is at fault if that fails, and not the candidate."""
+    from ggcnn_net2net.errors import ModelFileError
+    from ggcnn_net2net.model_files import load_ggcnn
+
+    try:
+        return load_ggcnn(path)
+    except ModelFileError as error:
+        raise OSError(error) from error
+
+
 def _training_data(job: Job, parent: keras.Model) -> TrainingData:
     """The train split, with a teacher's maps mixed into the labels where the search distils."""
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
-    from ggcnn_net2net.model_files import load_ggcnn
     from ggcnn_net2net.training.distillation import Distilled
 
     data = GraspDataset(Path(job.data), "train")
     if job.settings.distil is None:
         return data
-    teacher = parent if job.settings.distil == FROM_PARENT else load_ggcnn(job.directory / TEACHER_FILE)
+    teacher = parent if job.settings.distil == FROM_PARENT else _load(job.directory / TEACHER_FILE)
     return Distilled(data, teacher, job.settings.distil_weight)
 
 

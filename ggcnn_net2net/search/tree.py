@@ -12,7 +12,7 @@ from ggcnn_net2net.errors import SearchError
 from ggcnn_net2net.parallel import Crash, Workers
 from ggcnn_net2net.search.beam import Lookahead
 from ggcnn_net2net.search.candidates import RETRAIN, ROOT, Candidate, Results, child_of, seed_of
-from ggcnn_net2net.search.journal import Event, Journal, score_to_json
+from ggcnn_net2net.search.journal import Event, Journal, resume_command, score_to_json
 from ggcnn_net2net.search.reuse import TrainedElsewhere
 from ggcnn_net2net.search.settings import SearchSettings
 from ggcnn_net2net.search.trainer import Job, run_job
@@ -74,7 +74,7 @@ class CandidateTree:
                 error = self._results[self.root.key].error or "a score that is not a number"
                 raise SearchError(
                     f"expected a network that can be scored to start from, received {error}; remove the cause, and go "
-                    f"on with `ggcnn-net2net search resume {self.directory}`"
+                    f"on with `{resume_command(self.directory)}`"
                 )
             return scores
         self._begin_level(nodes)
@@ -84,8 +84,8 @@ class CandidateTree:
         if self._commitments == 0 and self._level == 1 and all(map(math.isnan, scores)):
             raise SearchError(
                 f"expected a child of the first network that can be trained, all {len(survivors)} failed, the last "
-                f"with: {self._results[survivors[-1].key].error}; remove the cause, and go on with `ggcnn-net2net "
-                f"search resume {self.directory} --retry-failed`"
+                f"with: {self._results[survivors[-1].key].error}; remove the cause, and go on with "
+                f"`{resume_command(self.directory, '--retry-failed')}`"
             )
         return scores
 
@@ -230,7 +230,7 @@ class CandidateTree:
         if self._failures >= self.settings.max_failures:
             raise SearchError(
                 f"stopped after {self._failures} failed candidates in a row, the last with: {event['error']}; remove "
-                f"the cause, and go on with `ggcnn-net2net search resume {self.directory} --retry-failed`"
+                f"the cause, and go on with `{resume_command(self.directory, '--retry-failed')}`"
             )
 
 

@@ -158,7 +158,7 @@ def save_strips(path: Path, strips: Sequence[Strip]) -> None:
             axis.set_axis_off()
             if index < len(strip.pictures):
                 axis.imshow(strip.pictures[index])
-                axis.set_title(strip.title if index == 0 else phases[index], fontsize=8)
+                axis.set_title(strip.title if index == 0 else phases[index], fontsize=8, parse_math=False)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=100)
 
@@ -179,6 +179,6 @@ def contact_sheet(path: Path, objects: ObjectSet, columns: int = 8) -> None:
             eye = middle + 3.2 * radius * np.array([-0.45, -0.6, 0.66])
             camera = Camera(tuple(middle), tuple(eye), (0, 0, 1), fov=36, near=0.01, width=260, height=260)
             axis.imshow(camera.render(world.client)[1])
-            axis.set_title(f"{model.name}\n{model.longest_side:.2f} m", fontsize=8)
+            axis.set_title(f"{model.name}\n{model.longest_side:.2f} m", fontsize=8, parse_math=False)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=100)

@@ -38,7 +38,7 @@ def write_curves(history: History, path: Path, title: str) -> None:
     whole, parts = figure.subplots(1, 2)
     _plot(whole, history, {"loss": "loss"})
     _plot(parts, history, {head: f"{head}_loss" for head in HEADS})
-    figure.suptitle(title)
+    figure.suptitle(title, parse_math=False)
     with atomic.replacing(path) as temporary:
         figure.savefig(temporary, dpi=120)
 

@@ -215,6 +215,6 @@ def write_stage_curves(history: History, stages: Sequence[Stage], path: Path, ti
     axes.set_ylabel("loss")
     axes.set_yscale("log")
     axes.legend()
-    figure.suptitle(title)
+    figure.suptitle(title, parse_math=False)
     with atomic.replacing(path) as temporary:
         figure.savefig(temporary, dpi=120)

@@ -147,7 +147,8 @@ def _seed_random_layers(model: keras.Model, seed: int) -> None:
         weights = {id(weight) for weight in layer.weights}
         for variable in layer.variables:
             if id(variable) not in weights:
-                variable.assign([seed, number])
+                # Keras counts the second one up with every batch; neighbouring layers must not follow each other.
+                variable.assign([np.random.SeedSequence((seed, number)).generate_state(1)[0], 0])
 
 
 def _carry_optimizer(model: keras.Model, trained: keras.Model) -> str:

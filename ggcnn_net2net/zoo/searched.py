@@ -24,13 +24,14 @@ def searched(directory: Path, architecture: str) -> dict[str, Any]:
         ResultsError: the search is not finished, or its best network is another one.
     """
     from ggcnn_net2net.search import load_history  # searches open the zoo's files
+    from ggcnn_net2net.search.journal import resume_command
 
     history = load_history(directory)
     best = history.best
     if not history.finished or best is None:
         raise ResultsError(
             f"expected a finished search in {directory}, received one that is not: go on with it, "
-            f"`ggcnn-net2net search resume {directory}`"
+            f"`{resume_command(directory)}`"
         )
     if best.architecture != architecture:
         raise ResultsError(

@@ -95,5 +95,5 @@ def test_failures_of_a_benchmark(folder, tmp_path, data_root):
         call(evaluate, "failures", out, "-o", picture)
     with pytest.raises(ResultsError, match=r"results\.json"):
         call(evaluate, "failures", tmp_path, "-o", picture)
-    with pytest.raises(ResultsError, match="'mine'"):
+    with pytest.raises(ResultsError, match="one of the networks original, received 'mine'"):
         call(evaluate, "failures", out, "--objects", folder, "--network", "mine", "-o", picture)

@@ -142,6 +142,31 @@ def test_watching_a_folder_until_it_is_interrupted(network, tmp_path, monkeypatc
     }
 
 
+def test_names_with_what_pictures_take_for_formulas(network, tmp_path):
+    folder = tmp_path / "in [red]"
+    text, errors, failure = call(
+        image(folder / "price_$5_to_$6.npy"), "-o", tmp_path / "out", "--network", network, "--preset", "kinova"
+    )
+    assert failure is None, errors
+    assert (tmp_path / "out" / "price_$5_to_$6_grasps.png").is_file()
+    assert "price_$5_to_$6.npy" in text.replace("\n", "")
+
+
+def test_a_watched_folder_may_be_empty_at_first(network, tmp_path, monkeypatch):
+    folder, out = tmp_path / "incoming", tmp_path / "out"
+    folder.mkdir()
+
+    def interrupt():
+        raise KeyboardInterrupt
+
+    steps = iter([lambda: image(folder / "new.npy"), *2 * [lambda: None], lambda: image(folder / "new.npy", scale=2)])
+    monkeypatch.setattr(time, "sleep", lambda _seconds: next(steps, interrupt)())
+    monkeypatch.chdir(tmp_path)
+    _, errors, failure = call(folder, "--watch", "incoming", "-o", out, "--network", network, "--preset", "kinova")
+    assert failure is None, errors
+    assert (out / "new_grasps.json").is_file()
+
+
 def test_camera_files(network, tmp_path):
     camera = tmp_path / "camera.json"
     camera.write_text(json.dumps({"K": [90, 0, 40, 0, 90, 30, 0, 0, 1]}))

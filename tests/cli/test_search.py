@@ -129,12 +129,13 @@ def test_the_defaults_are_the_papers_at_standard_budget(asked):
 
 def test_options_reach_the_settings(asked):
     settings = asked(
-        *("--beam", 2, "--depth", 4, "--no-lookahead", "--transpose", "--retrain", 8, "--epochs", 5),
+        *("--beam", 2, "--depth", 4, "--transpose", "--retrain", 8, "--epochs", 5),
         *("--budget", "quick", "--score-images", 7, "--max-params", 16104, "--patience", 2, "--heuristic", "loss"),
         *("--protocol", "corrected", "--wider-noise", 0.7, "--halving", "--replicates", 3, "--carry-optimizer"),
         *("--seed", 4, "--threads", 2, "--max-failures", 9, "--learning-rate", 1e-4),
     )
-    assert (settings.width, settings.depth, settings.lookahead, settings.transpose) == (2, 4, False, True)
+    assert (settings.width, settings.depth, settings.lookahead, settings.transpose) == (2, 4, True, True)
+    assert not asked("--no-lookahead").lookahead
     assert (settings.retrain, settings.recipe.epochs, settings.recipe.learning_rate) == (8, 5, 1e-4)
     assert (settings.score_images, settings.max_parameters, settings.patience) == (7, 16104, 2)
     assert settings.recipe.images_per_epoch < 1000

@@ -53,6 +53,13 @@ def test_a_scene_in_numbers(made):
     assert depths == pytest.approx([1.4, 1.5, 1.5])
 
 
+def test_of_scenes_of_one_name_the_first_counts(made):
+    shutil.copytree(made / "bar", made / "copy of bar")
+    folder = open_jacquard(made)
+    assert [scene.name for scene in folder] == ["0_bar"]
+    assert [problem.problem for problem in folder.report] == ["scene left out: another folder has one of this name"]
+
+
 def test_holes_of_the_stereo_camera_are_filled(made):
     perfect, stereo = (open_jacquard(made, depth)[0].depth for depth in ("perfect", "stereo"))
     np.testing.assert_allclose(stereo, perfect, atol=1e-4)

@@ -56,7 +56,8 @@ def test_files_made_by_hand(tmp_path):
 
 def test_damaged_files_are_refused(tmp_path):
     path = tmp_path / "split.json"
-    for text in ("", "[]", "{}", '{"train": ["a"]}', '{"train": ["a"], "test": ["b"], "more": 1}'):
+    more, numbers = '{"train": ["a"], "test": ["b"], "more": 1}', '{"train": [100, "a"], "test": [102]}'
+    for text in ("", "[]", "{}", '{"train": ["a"]}', more, numbers):
         path.write_text(text)
         with pytest.raises(DatasetError, match="split file"):
             read_split(path)

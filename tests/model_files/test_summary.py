@@ -99,6 +99,15 @@ def test_a_network_that_load_refuses_is_summarised(small, tmp_path):
     assert "Infinity" not in run(inspect_command, "--json", tmp_path / "bad.keras").output
 
 
+def test_a_model_of_no_images_is_summarised(tmp_path):
+    import keras
+
+    numbers = keras.Input((10,))
+    keras.Model(numbers, keras.layers.Dense(3)(numbers)).save(tmp_path / "dense.keras")
+    summary = model_summary(tmp_path / "dense.keras")
+    assert (summary.input_shape, summary.parameters, summary.multiplications) == ((None, 10), 33, None)
+
+
 def test_relatives_have_no_name(relative, tmp_path):
     summary = model_summary(save_ggcnn(relative, tmp_path / "model.keras"))
     assert summary.architecture is None

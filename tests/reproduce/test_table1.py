@@ -127,6 +127,9 @@ def test_another_experiment_is_not_continued(original, objects, tmp_path):
     for change in ({"seed": 1}, {"protocol": CORRECTED}, {"protocol": replace(PAPER, sim_angle_window=3)}):
         with pytest.raises(ResultsError, match="choose another --output"):
             run([original], objects, tmp_path, **change)
+    (tmp_path / "results.json").unlink()  # without it nothing tells what they are
+    with pytest.raises(ResultsError, match=r"results\.json.*put it back"):
+        run([original], objects, tmp_path)
     assert (tmp_path / "grasps.csv").read_bytes() == before
 
 

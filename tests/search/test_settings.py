@@ -12,7 +12,6 @@ from ggcnn_net2net.training import Recipe
 
 UNUSUAL = SearchSettings(
     width=4,
-    lookahead=False,
     patience=2,
     recipe=Recipe(epochs=7, images_per_epoch=60, learning_rate=3e-4, protocol=CORRECTED),
     heuristic="loss",
@@ -32,7 +31,7 @@ def test_the_defaults_are_the_papers():
     assert settings.protocol.wider_noise == 0
 
 
-@pytest.mark.parametrize("settings", [SearchSettings(), UNUSUAL])
+@pytest.mark.parametrize("settings", [SearchSettings(), SearchSettings(lookahead=False), UNUSUAL])
 def test_settings_survive_the_journal(settings):
     assert SearchSettings.from_dict(json.loads(json.dumps(settings.as_dict()))) == settings
 
@@ -77,6 +76,8 @@ def test_commands_offer_all_budgets():
         ({"halving": True, "recipe": Recipe(epochs=4, learning_rate_schedule="cosine")}, "halving.*'cosine'"),
         ({"distil": "parent", "recipe": Recipe(protocol=CORRECTED)}, "masked_loss.*CORRECTED"),
         ({"distil": "parent", "distil_weight": 0.0}, "distil_weight"),
+        ({"lookahead": False, "retrain": 8}, "expected lookahead for retrain and patience.*retrain=8"),
+        ({"lookahead": False, "patience": 1}, "patience=1"),
     ],
 )
 def test_wrong_settings(wrong, message):

@@ -57,6 +57,12 @@ def test_results_of_the_right_network_are_taken(files):
     assert found["iou"][0]["rate"] == 0.5
 
 
+def test_two_rows_of_the_same_weights_are_one_network(files):
+    folder, _ = files
+    (folder / "results.json").write_text(json.dumps({**TABLE, "networks": [*ROWS, {**ROWS[1], "name": "copy"}]}))
+    assert measured("b" * 64, [folder])["sim"][0]["success"]["successes"] == 3
+
+
 def test_what_was_not_measured_is_left_out(files):
     assert measured("b" * 64) == {}
     assert measured("b" * 64, [files[0]]).keys() == {"sim"}

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ggcnn_net2net.architecture import INPUT_SIZE
+
 if TYPE_CHECKING:
     import keras
 
@@ -41,6 +43,6 @@ class Runtime(NamedTuple):
 
 
 def input_size(model: keras.Model) -> tuple[int, int]:
-    """Height and width of a network's input in pixels."""
+    """Height and width of a network's input in pixels; of one that takes any size, those of GG-CNN."""
     height, width = model.inputs[0].shape[1:3]
-    return int(height), int(width)
+    return int(height or INPUT_SIZE), int(width or INPUT_SIZE)
