@@ -71,6 +71,7 @@ class World:
         self._gui = gui
         with silence_output():
             self.client: Any = BulletClient(pybullet.GUI if gui else pybullet.DIRECT)
+        self._step_simulation = self.client.stepSimulation  # the client would look it up anew at every step
         self.on_step: Callable[[], None] | None = None
         self.reset()
 
@@ -100,7 +101,7 @@ class World:
 
     def step(self) -> None:
         """Advance the simulation by one time step."""
-        self.client.stepSimulation()
+        self._step_simulation()
         self.steps += 1
         if self._gui:
             time.sleep(TIME_STEP)
