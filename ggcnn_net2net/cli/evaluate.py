@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ggcnn_net2net.cli.networks import keep_record
 from ggcnn_net2net.cli.options import GRIPPER, OBJECTS, PROTOCOL, SEED, OutputFile, Picture, gripper_of
 from ggcnn_net2net.versions import versions
 
@@ -87,8 +88,6 @@ def grasp(
         if recording is not None:
             recording.watch(world)
         strip, result = trial_strip(world, scene, found, protocol, gripper)
-    if gui:
-        show_trial(scene, found, protocol, gripper)
     click.echo(f"{scene.key}: {result.outcome}, {result.distance:.2f} m from the bin's centre, {result.steps} steps")
     if found is not None and result.grasp is not None:
         click.echo(
@@ -103,6 +102,8 @@ def grasp(
         click.echo(f"Written to {film}")
     elif recording is not None:
         click.echo("Nothing moved, so no film is written", err=True)
+    if gui:
+        show_trial(scene, found, protocol, gripper)
 
 
 @evaluate.command()
@@ -211,8 +212,12 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
     from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reference_data import sha256_of
 
-    import_tensorflow()
     path = source_path(model)
+    for written in filter(None, (output, csv_path)):
+        keep_record(written, model)
+        if written.exists() and any(read.exists() and written.samefile(read) for read in (path, dataset)):
+            raise click.UsageError(f"expected another output file than the inputs, received {str(written)!r}")
+    import_tensorflow()
     network = load_ggcnn(path)
     parts = splits_of(dataset) if split == "all" else [GraspDataset(dataset, split)]
     console = Console()

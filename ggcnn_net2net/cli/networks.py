@@ -66,6 +66,28 @@ def made_by(network: str) -> dict[str, Any] | None:
     return {name: value for name, value in record.items() if name not in MEASURED}
 
 
+def keep_record(output: Path, network: str | None) -> None:
+    """Refuse an output that would overwrite the record of a network that is read, or would look like it.
+
+    Args:
+        output: file to write.
+        network: as for `open_network`; None: nothing is read.
+
+    Raises:
+        ModelFileError: the network has a record, in a .json of the same name as `output`.
+    """
+    from ggcnn_net2net.errors import ModelFileError
+
+    source = None if network is None else file_of(network)
+    if source is None or network is None or made_by(network) is None:
+        return
+    if source.resolve().with_suffix("") == output.resolve().with_suffix(""):
+        raise ModelFileError(
+            f"expected another name than that of the network, whose record {source.with_suffix('.json')} would be "
+            f"lost, received {str(output)!r}"
+        )
+
+
 def note_other_loss(network: str, protocol: Protocol) -> None:
     """Print a note if a network trained with the masked loss is to be trained further with the published one.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ggcnn_net2net.cli.networks import file_of, made_by, note_other_loss, open_network
+from ggcnn_net2net.cli.networks import file_of, keep_record, made_by, note_other_loss, open_network
 from ggcnn_net2net.cli.options import DISTIL_WEIGHT, PROTOCOL, OutputFile, command_line, taught
 from ggcnn_net2net.versions import versions
 
@@ -126,7 +126,7 @@ def train_command(
     source, teacher = file_of(network), None if distil is None else source_path(distil)
     check_writable(output, dataset, source, teacher)
     for read in (network, distil):
-        _keep_record(output, read)
+        keep_record(output, read)
     stored = GraspDataset(dataset, "train")
     data = stored if scenes is None else _fresh_augmentations(stored, scenes)
     protocol = protocol_named(protocol_name)
@@ -178,20 +178,6 @@ def train_command(
     _write_records(output, result, recipe, stored, facts, stages if is_staged(operations) else [])
     console.print(_table(result))
     click.echo(f"written to {output}, with .csv, .png and .json beside it")
-
-
-def _keep_record(output: Path, network: str | None) -> None:
-    """Refuse an output whose record would overwrite that of a network that is read: the .json beside it."""
-    from ggcnn_net2net.errors import ModelFileError
-
-    source = None if network is None else file_of(network)
-    if source is None or network is None or made_by(network) is None:
-        return
-    if source.resolve().with_suffix("") == output.resolve().with_suffix(""):
-        raise ModelFileError(
-            f"expected another name than that of the network, whose record {source.with_suffix('.json')} would be "
-            f"lost, received {str(output)!r}"
-        )
 
 
 def _fresh_augmentations(stored: GraspDataset, folder: Path) -> FreshAugmentations:

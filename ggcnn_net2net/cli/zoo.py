@@ -22,25 +22,40 @@ def zoo_command() -> None:
 
 @zoo_command.command("list")
 def list_command() -> None:
-    """All networks: size, IoU rate, success in simulation.
+    """All networks: size, success in simulation (SIM) on object sets, IoU rate on datasets.
 
     \b
     Example: ggcnn-net2net zoo list
     """
+    from itertools import zip_longest
+
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
     from ggcnn_net2net import zoo
 
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("network", "parameters", "success in simulation", "IoU rate"):
-        table.add_column(heading, justify="right" if heading == "parameters" else "left")
+    table = Table(
+        "network",
+        "measured on",
+        "protocol",
+        "rate (95% interval)",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+        show_edge=False,
+    )
     for name in zoo.names():
         facts = zoo.provenance(name)
-        sim = [f"{one['objects']} {_counts(one['success'], 'trials')}" for one in facts.get("sim", [])]
-        iou = [f"{one['protocol']} {_counts(one, 'images')}" for one in facts.get("iou", [])]
-        table.add_row(name, f"{facts['parameters']:,}", "\n".join(sim), "\n".join(iou))
+        rows = [
+            (f"SIM {one['objects']}", one["protocol"], _rate(one["success"], "trials")) for one in facts.get("sim", [])
+        ]
+        rows += [
+            (f"IoU {one['dataset']['file']}", one["protocol"], _rate(one, "images")) for one in facts.get("iou", [])
+        ]
+        about = (name, f"{facts['parameters']:,} parameters")
+        for left, row in zip_longest(about, rows):
+            table.add_row(left, *(row or ()))
     Console().print(table)
 
 
@@ -93,6 +108,6 @@ def add(
     click.echo(f"written to {zoo.add(model_file, facts, name)}")
 
 
-def _counts(rate: dict[str, Any], total: str) -> str:
+def _rate(rate: dict[str, Any], total: str) -> str:
     low, high = rate["wilson_95"]
     return f"{rate['successes']}/{rate[total]} = {rate['rate']:.3f} ({low:.3f}-{high:.3f})"

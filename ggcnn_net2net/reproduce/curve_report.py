@@ -108,7 +108,7 @@ def _write_picture(path: Path, experiment: Experiment, results: Sequence[CurveRe
         fontsize=9,
     )
     if notes:
-        figure.supxlabel("\n".join(notes), fontsize=8, color="0.35")
+        figure.supxlabel("\n".join(notes), fontsize=8, color="0.35", parse_math=False)
     with replacing(path) as temporary:
         figure.savefig(temporary)
 

@@ -146,13 +146,13 @@ def read_points(path: Path | Traversable) -> list[CurvePoint]:
     Raises:
         ResultsError: other columns, or values that cannot be read.
     """
-    rows = list(csv.reader(io.StringIO(path.read_text(encoding="utf-8"))))
-    if not rows or tuple(rows[0]) != COLUMNS:
-        raise ResultsError(
-            f"expected the columns {', '.join(COLUMNS)} in {path}, received {', '.join(rows[0]) if rows else 'none'}: "
-            "it was written by something else; choose another --output"
-        )
     try:
+        rows = list(csv.reader(io.StringIO(path.read_text(encoding="utf-8"))))
+        if not rows or tuple(rows[0]) != COLUMNS:
+            raise ResultsError(
+                f"expected the columns {', '.join(COLUMNS)} in {path}, received "
+                f"{', '.join(rows[0]) if rows else 'none'}: it was written by something else; choose another --output"
+            )
         return [_parse(row) for row in rows[1:]]
     except ValueError as error:
         raise ResultsError(f"cannot read {path}: {error}; remove it and run the experiment again") from error

@@ -115,16 +115,16 @@ class RecordFile:
         if not self.path.is_file():
             return []
         content = self.path.read_bytes()
-        whole = content[: content.rfind(b"\n") + 1].decode("utf-8")
-        rows = list(csv.reader(io.StringIO(whole, newline="")))
-        if not rows:
-            return []
-        if tuple(rows[0]) != COLUMNS:
-            raise ResultsError(
-                f"expected the columns {', '.join(COLUMNS)} in {self.path}, received {', '.join(rows[0])}: it was "
-                "written by another version; choose another output folder"
-            )
         try:
+            whole = content[: content.rfind(b"\n") + 1].decode("utf-8")
+            rows = list(csv.reader(io.StringIO(whole, newline="")))
+            if not rows:
+                return []
+            if tuple(rows[0]) != COLUMNS:
+                raise ResultsError(
+                    f"expected the columns {', '.join(COLUMNS)} in {self.path}, received {', '.join(rows[0])}: it was "
+                    "written by another version; choose another output folder"
+                )
             return [_parse(row) for row in rows[1:]]
         except (ValueError, KeyError) as error:
             raise ResultsError(

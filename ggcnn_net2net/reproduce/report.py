@@ -155,7 +155,9 @@ def write_chart(path: Path, table: Table1) -> None:
     axes.set_ylim(0, 1)
     axes.set_ylabel("success rate, 95% interval")
     axes.set_title(f"Grasp success, {max((rate.trials for rate in rates), default=0)} grasps a network")
-    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+    legend = figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=150)
 

@@ -96,14 +96,15 @@ def add(model_file: Path, provenance: Path | Mapping[str, Any], name: str, folde
                 f"expected a network of at most {MAX_BYTES:,} bytes without its optimizer, received {model_file} of "
                 f"{size:,}: the zoo is for small ones"
             )
-    summary = model_summary(target)
-    facts |= {
-        "architecture": summary.architecture,
-        "parameters": summary.parameters,
-        "trained_sha256": facts.get("trained_sha256", received),
-        "model_sha256": summary.sha256,
-    }
-    write_text(target.with_suffix(".json"), json.dumps(facts, indent=2) + "\n")
+        summary = model_summary(temporary)
+        facts |= {
+            "architecture": summary.architecture,
+            "parameters": summary.parameters,
+            "trained_sha256": facts.get("trained_sha256", received),
+            "model_sha256": summary.sha256,
+        }
+        # Before the network takes its place: a provenance without its network is passed over, the reverse is not.
+        write_text(target.with_suffix(".json"), json.dumps(facts, indent=2) + "\n")
     return target
 
 

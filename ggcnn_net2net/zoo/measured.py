@@ -26,7 +26,7 @@ def measured(sha256: str, results: Iterable[Path] = (), iou: Iterable[Path] = ()
         interval and what it was measured on. Keys without an entry are left out.
 
     Raises:
-        ResultsError: a file that cannot be read, or that is of other networks.
+        ResultsError: a file that cannot be read, that is of other networks, or a benchmark that is not finished.
     """
     found = {
         "sim": [_sim(sha256, folder / "results.json") for folder in results],
@@ -40,6 +40,11 @@ def _sim(sha256: str, file: Path) -> dict[str, Any]:
     try:
         rows = [row for row in content["networks"] if row["sha256"] == sha256 and row["success"]]
         _expect_one(rows[:1], sha256, file)  # rows of the same weights have the same grasps
+        if not content["finished"]:
+            raise ResultsError(
+                f"expected a finished benchmark in {file.parent}, received one without some of its grasps: run its "
+                "command again, it does only what is missing"
+            )
         settings = content["settings"]
         scenes = settings["scenes"]
         return {

@@ -3,6 +3,7 @@
 import csv
 import json
 
+import click
 import h5py
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import ggcnn_net2net as gn
 from ggcnn_net2net.cli.evaluate import evaluate
 from ggcnn_net2net.errors import DatasetError, ModelFileError
 from ggcnn_net2net.model_files.published import PUBLISHED_SHA256
+from ggcnn_net2net.reference_data import sha256_of
 
 LABEL = [[140, 130], [140, 170], [160, 170], [160, 130]]
 
@@ -89,6 +91,21 @@ def test_published_network_on_real_scenes(data_root, tmp_path):
     with rows.open() as stream:
         success = [row["success"] == "1" for row in csv.DictReader(stream)]
     assert [sum(success[:4]), sum(success[4:])] == [paper["successes"], corrected["successes"]]
+
+
+@pytest.mark.parametrize("option", ["-o", "--csv"])
+def test_what_is_read_is_not_overwritten(option, untrained, tmp_path):
+    scenes, record = tmp_path / "scenes.hdf5", tmp_path / "untrained.json"
+    write_dataset(scenes, np.zeros((1, 300, 300)), [[LABEL]])
+    for read in (untrained, scenes):
+        before = read.read_bytes()
+        with pytest.raises(click.UsageError, match="another output file"):
+            call(untrained, scenes, option, read)
+        assert read.read_bytes() == before
+    record.write_text(json.dumps({"model_sha256": sha256_of(untrained)}))
+    with pytest.raises(ModelFileError, match=r"record .*untrained\.json would be lost"):
+        call(untrained, scenes, option, record.with_suffix(".json" if option == "-o" else ".csv"))
+    assert list(json.loads(record.read_text())) == ["model_sha256"]
 
 
 def test_missing_split_and_model_are_explained(untrained, tmp_path):

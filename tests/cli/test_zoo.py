@@ -1,6 +1,7 @@
 """The command `zoo`, on the networks that ship."""
 
 import json
+import re
 
 import pytest
 from click.testing import CliRunner
@@ -20,14 +21,20 @@ def call(*arguments):
 
 
 def test_list_shows_every_network_and_what_was_measured_of_it():
-    rows = [line.split() for line in call("list").splitlines()]
-    named = {row[0]: row[1:] for row in rows if row and row[0] in zoo.names()}
-    assert set(named) == set(zoo.names())
-    for name, row in named.items():
+    shown = call("list")
+    assert [line.split()[0] for line in shown.splitlines() if line.split()[:1] and line.split()[0] in zoo.names()] == [
+        *zoo.names()
+    ]
+    for name in zoo.names():
         facts = zoo.provenance(name)
-        assert row[0] == f"{facts['parameters']:,}"
-        sim = facts["sim"][0]
-        assert row[1:3] == [sim["objects"], f"{sim['success']['successes']}/{sim['success']['trials']}"]
+        assert f"{facts['parameters']:,} parameters" in shown
+        for one in facts["sim"]:
+            rate = one["success"]
+            line = f"SIM {one['objects']}\\s+{one['protocol']}\\s+{rate['successes']}/{rate['trials']} ="
+            assert re.search(line, shown)
+        for one in facts["iou"]:
+            line = f"IoU {one['dataset']['file']}\\s+{one['protocol']}\\s+{one['successes']}/{one['images']} ="
+            assert re.search(line, shown)
 
 
 def test_show_prints_the_provenance():

@@ -64,6 +64,14 @@ def test_a_csv_of_something_else(tmp_path, text):
         read_points(tmp_path / "results.csv")
 
 
+def test_a_csv_in_another_encoding(tmp_path):
+    text = ",".join(COLUMNS) + "\nStück"
+    for encoding in ("cp1252", "utf-16"):
+        (tmp_path / "results.csv").write_bytes(text.encode(encoding))
+        with pytest.raises(ResultsError, match=r"results\.csv.*codec"):
+            read_points(tmp_path / "results.csv")
+
+
 def test_the_papers_readings():
     readings = paper_readings()
     assert set(readings) == {
@@ -168,6 +176,12 @@ def test_what_the_search_saw_is_drawn_where_no_rate_is_known(tmp_path):
         assert metrics == {SCORE}
     with_rates = results_of(FIG2, list(curve_of()))[0]
     assert {point.metric for point in with_rates.drawn(IOU)} == {IOU}
+
+
+def test_names_are_no_formulas(tmp_path):
+    points = [replace(point, objects="a_$x_$b") for point in curve_of()]
+    picture, _, _ = write_report(tmp_path, FIG2, results_of(FIG2, points), "")
+    assert picture.stat().st_size > 10_000
 
 
 def test_a_report_without_any_results(tmp_path):

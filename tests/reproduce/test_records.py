@@ -3,10 +3,12 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ggcnn_net2net.reproduce.records import GraspRecord, RecordFile
+from ggcnn_net2net.errors import ResultsError
+from ggcnn_net2net.reproduce.records import COLUMNS, GraspRecord, RecordFile
 
 # More than an object may be called, but not what breaks lines; surrogates cannot be written as UTF-8.
 names = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0\r\n"), min_size=1)
@@ -33,3 +35,9 @@ def test_what_is_appended_is_read_and_only_a_torn_record_is_lost(written, data):
         content = file.path.read_bytes()
         file.path.write_bytes(content[: data.draw(st.integers(whole, len(content) - 1))])
         assert file.read() == written[:-1]
+
+
+def test_records_in_another_encoding(tmp_path):
+    (tmp_path / "grasps.csv").write_bytes((",".join(COLUMNS) + "\nStück\n").encode("cp1252"))
+    with pytest.raises(ResultsError, match=r"grasps\.csv: UnicodeDecodeError"):
+        RecordFile(tmp_path / "grasps.csv").read()

@@ -355,6 +355,13 @@ def test_the_names_of_seven_rows_do_not_overlap_in_the_chart(original, network, 
         assert left.x1 < right.x0
 
 
+def test_the_name_of_an_object_set_is_no_formula(original, counted, tmp_path):
+    table = counted((original, "1" * 8))
+    scenes = replace(table.scenes, object_set="objects_$a_$b")
+    write_chart(tmp_path / "table1.png", replace(table, scenes=scenes))
+    assert (tmp_path / "table1.png").stat().st_size > 10_000
+
+
 def test_published_network_end_to_end(objects, tmp_path, data_root):
     """The real network, predicted and simulated: no stand-ins."""
     networks = load_networks(["original"])

@@ -96,6 +96,19 @@ def test_a_large_network_is_refused_and_the_old_one_kept(trained, facts, tmp_pat
     assert sorted(path.name for path in empty_zoo.iterdir()) == ["mine.hdf5", "mine.json"]
 
 
+def test_a_provenance_that_cannot_be_written_changes_nothing(trained, facts, empty_zoo, monkeypatch):
+    def fail(*_):
+        raise OSError("no space left")
+
+    zoo.add(trained, facts, "mine")
+    before = {path.name: path.read_bytes() for path in empty_zoo.iterdir()}
+    monkeypatch.setattr("ggcnn_net2net.zoo.adding.write_text", fail)
+    for name in ("mine", "other"):
+        with pytest.raises(OSError, match="no space left"):
+            zoo.add(trained, facts, name)
+    assert {path.name: path.read_bytes() for path in empty_zoo.iterdir()} == before
+
+
 def test_a_network_that_is_no_working_ggcnn_is_refused(facts, tmp_path, empty_zoo):
     path = save_ggcnn(build_ggcnn("shallow", input_size=20, seed=0), tmp_path / "nan.hdf5")
     with h5py.File(path, "r+") as file:

@@ -13,6 +13,7 @@ ROWS = [
 ]
 TABLE = {
     "command": "reproduce table1",
+    "finished": True,
     "settings": {
         "scenes": {"object_set": "ycb40", "poses": 5, "seed": 0},
         "protocol": {"name": "PAPER"},
@@ -55,6 +56,13 @@ def test_results_of_the_right_network_are_taken(files):
     assert [entry["protocol"] for entry in found["iou"]] == ["PAPER", "CORRECTED"]
     assert found["iou"][0]["dataset"]["file"] == "data.h5"
     assert found["iou"][0]["rate"] == 0.5
+
+
+def test_a_benchmark_that_is_not_finished_is_refused(files):
+    folder, _ = files
+    (folder / "results.json").write_text(json.dumps({**TABLE, "finished": False}))
+    with pytest.raises(ResultsError, match="only what is missing"):
+        measured("b" * 64, [folder])
 
 
 def test_two_rows_of_the_same_weights_are_one_network(files):
