@@ -2,7 +2,7 @@
 
 `PAPER` does what the public code of the paper does, defects included; `CORRECTED` does what the paper means. Each
 result carries the protocol it was made with, so that the two are never mixed in silence. `docs/fidelity.md` explains
-each field with its measured effect.
+each field, with its effect where that was measured.
 """
 
 from __future__ import annotations
