@@ -44,7 +44,7 @@ def fast_graph(model: keras.Model) -> Maps:
         below = body(images, training=training)
         kernel = tf.concat([head.kernel for head in heads], axis=-1)
         return tf.nn.bias_add(
-            tf.nn.conv2d(below, kernel, strides=1, padding=heads[0].padding.upper()),
+            tf.nn.conv2d(tf.cast(below, kernel.dtype), kernel, strides=1, padding=heads[0].padding.upper()),
             tf.concat([head.bias for head in heads], axis=0),
         )
 

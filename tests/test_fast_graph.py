@@ -91,6 +91,15 @@ def test_heads_of_different_forms_run_as_they_are(change, images):
     np.testing.assert_array_equal(fast_graph(model)(tf.constant(images[0]), False).numpy(), expected)
 
 
+def test_a_body_of_half_precision(images):
+    inputs = keras.Input((SIZE, SIZE, 1))
+    features = keras.layers.Conv2D(3, 3, padding="same", dtype="mixed_float16")(inputs)
+    model = keras.Model(inputs, [keras.layers.Conv2D(1, 2, padding="same", name=head)(features) for head in HEADS])
+    expected = np.concatenate([output.numpy() for output in model(images[0])], axis=-1)
+    received = fast_graph(model)(tf.constant(images[0], tf.float32), False).numpy()
+    np.testing.assert_allclose(received, expected, atol=1e-6)
+
+
 def test_heads_of_different_tensors_run_as_they_are():
     inputs = keras.Input((SIZE, SIZE, 1))
     model = keras.Model(

@@ -103,6 +103,7 @@ def build(
     else:
         split = read_split(Path(split_spec))
     settings = Augmentation(zoom=zoom, rotate=rotate, per_scene=augmentations)
+    _print_problems(scenes.report)
     with stages(Console()) as progress:
         result = build_dataset(
             scenes,
@@ -114,7 +115,7 @@ def build(
             on_progress=lambda done, total: progress("draw samples", done, total),
             compressed=not uncompressed,
         )
-    _print_problems(result.problems)
+    _print_problems(result.problems[len(scenes.report) :])
     rows = ", ".join(f"{count} {side}" for side, count in result.rows.items())
     click.echo(f"{len(scenes)} {scenes.form} scenes, split {split.sha256[:12]}: {rows} images written to {output}")
 
@@ -267,6 +268,9 @@ def info(file: Path, verify: bool) -> None:
             raise DatasetError(
                 f"expected this fingerprint, the content of {file}:{part.split} has another: it was changed"
             )
+        if verify:
+            kept = part.has_fingerprint
+            click.echo("  the content has it" if kept else "  computed now: the file keeps none to compare with")
         if len(part):
             labels = summarise_labels(part)
             low, middle, high = labels.widths
@@ -283,4 +287,4 @@ def _print_problems(problems: Sequence[Problem]) -> None:
     for file, problem in problems[:_SHOWN]:
         click.echo(f"{file}: {problem}", err=True)
     if len(problems) > _SHOWN:
-        click.echo(f"... {len(problems)} problems in all", err=True)
+        click.echo(f"... {len(problems)} problems in all; a file made of these scenes lists them as left_out", err=True)

@@ -51,8 +51,10 @@ def export_command(
     from ggcnn_net2net.model_files import load_ggcnn
     from ggcnn_net2net.model_files.export import export, read_metadata
     from ggcnn_net2net.model_files.export import formats as known
+    from ggcnn_net2net.model_files.export.exporting import check_target
     from ggcnn_net2net.model_files.export.runtime import input_size
     from ggcnn_net2net.model_files.export.samples import read_representative
+    from ggcnn_net2net.model_files.load import source_path
     from ggcnn_net2net.quiet import import_tensorflow
 
     import_tensorflow()
@@ -62,6 +64,8 @@ def export_command(
     jobs = _targets(models, wanted, output, quantize)
     if len({target for _, target in jobs}) < len(jobs):
         raise ExportError("expected models with different names, received two whose files would have the same name")
+    for model, target in jobs:  # what would be refused after other exports were written
+        check_target(target, source_path(model))
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for heading in ("written", "bytes", "difference", "same grasp", "runtime"):
         table.add_column(heading, justify="right" if heading == "bytes" else "left", overflow="fold")

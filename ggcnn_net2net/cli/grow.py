@@ -42,7 +42,7 @@ def grow_command(file: str, ops: str, output: Path, seed: int, noise: float, dra
     from ggcnn_net2net.model_files.load import source_path
     from ggcnn_net2net.model_files.save import check_writable
     from ggcnn_net2net.net2net import apply_operations
-    from ggcnn_net2net.net2net.pictures import draw_surgery
+    from ggcnn_net2net.net2net.pictures import draw_surgery, kernel_panels
     from ggcnn_net2net.quiet import import_tensorflow
 
     import_tensorflow()
@@ -50,6 +50,8 @@ def grow_command(file: str, ops: str, output: Path, seed: int, noise: float, dra
     check_writable(output, path)
     model = load_ggcnn(path)
     grown = apply_operations(model, ops, seed=seed, noise=noise)
+    if draw is not None:
+        kernel_panels(grown)  # what cannot be drawn is refused before anything is written
     save_ggcnn(grown, output)
     before, after = model.count_params(), grown.count_params()
     click.echo(f"{before:,} -> {after:,} parameters ({after - before:+,})")

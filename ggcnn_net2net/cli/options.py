@@ -19,15 +19,14 @@ if TYPE_CHECKING:
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg", ".jpg")
 
 
-class OutputFile(click.Path):
-    """A file to write, whose name and folder are checked before the work begins and not when the file is written."""
-
-    def __init__(self) -> None:
-        super().__init__(path_type=Path, dir_okay=False, writable=True)
+class _Output(click.Path):
+    """What is written, with its name and folder checked before the work begins and not when it is written."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Check the folder; those that are missing are made later."""
         path = Path(str(super().convert(value, param, ctx)))
+        if not path.name:
+            self.fail(f"expected a name to write to, received {str(value)!r}", param, ctx)
         try:
             folder = next(parent for parent in path.absolute().parents if parent.exists())
         except PermissionError as error:
@@ -37,6 +36,20 @@ class OutputFile(click.Path):
         if not os.access(folder, os.W_OK):
             self.fail(f"expected a folder to write {path.name} to, {folder} may not be written to", param, ctx)
         return path
+
+
+class OutputFile(_Output):
+    """A file to write."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path, dir_okay=False, writable=True)
+
+
+class OutputFolder(_Output):
+    """A folder to write to, which need not exist."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path, file_okay=False, writable=True)
 
 
 class Picture(OutputFile):

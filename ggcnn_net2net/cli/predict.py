@@ -42,7 +42,13 @@ _PRESETS = ("rss_2018", "kinova", "mvp", "ggcnn_master", "paper_simulator")  # a
     type=click.Choice(["crop", "full"]),
     help="Show the network the preset's centre square, or the whole image.",
 )
-@click.option("--backend", default="tensorflow", show_default=True, type=click.Choice(["tensorflow", "openvino"]))
+@click.option(
+    "--backend",
+    default="tensorflow",
+    show_default=True,
+    type=click.Choice(["tensorflow", "openvino"]),
+    help="What computes the maps; openvino is quicker and needs '.[export]'.",
+)
 @click.option("--depth-unit", type=click.Choice(["m", "mm"]), help="Unit of the images; detected if unmistakable.")
 @click.option("--n-grasps", default=1, show_default=True, type=click.IntRange(min=1), help="Most grasps an image.")
 @click.option(
@@ -159,7 +165,7 @@ class _Job:
         from ggcnn_net2net.inference.depth_files import read_depth_file
         from ggcnn_net2net.inference.prediction_files import write_prediction_json, write_prediction_picture
 
-        name, file = path.stem, path.resolve()
+        name, file = path.stem, path.parent.resolve() / path.name  # the name counts, also of a link to the last image
         if self.outputs.setdefault(name, file) != file:
             self.outputs[str(path)] = path  # counted, but nothing is written
             raise DepthImageError(f"its results would replace those of {self.outputs[name]}: rename one of them")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ggcnn_net2net.cli.networks import file_of, keep_record, made_by, note_other_loss, open_network
-from ggcnn_net2net.cli.options import DISTIL_WEIGHT, PROTOCOL, OutputFile, command_line, taught
+from ggcnn_net2net.cli.options import DISTIL_WEIGHT, PROTOCOL, OutputFile, OutputFolder, command_line, taught
 from ggcnn_net2net.versions import versions
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ POSITIVE = click.IntRange(min=1)
 @click.option(
     "--validation/--no-validation", default=True, show_default=True, help="Report the loss on the test split."
 )
-@click.option("--checkpoint-dir", type=click.Path(path_type=Path, file_okay=False), help="[default: OUTPUT.training]")
+@click.option("--checkpoint-dir", type=OutputFolder(), help="[default: OUTPUT.training]")
 @click.option("--restart", is_flag=True, help="Start from epoch 1 even if there is a checkpoint.")
 @click.option(
     "--fresh-from",
@@ -163,7 +163,8 @@ def train_command(
                 resume=not restart,
             )
     except KeyboardInterrupt:
-        click.echo(f"Finished epochs are kept in {checkpoint_dir}: the same command goes on from there.", err=True)
+        command = f"the same command{' without --restart' if restart else ''}"
+        click.echo(f"Finished epochs are kept in {checkpoint_dir}: {command} goes on from there.", err=True)
         raise
     save_ggcnn(result.model, output)
     facts = {"network": name, "threads": threads, "fresh_augmentations": scenes is not None}
@@ -175,13 +176,16 @@ def train_command(
         }
     if earlier is not None:
         facts["network_made_by"] = earlier
-    _write_records(output, result, recipe, stored, facts, stages if is_staged(operations) else [])
+    staged = is_staged(operations)
+    _write_records(output, result, recipe if staged else stages[0].recipe, stored, facts, stages if staged else [])
     console.print(_table(result))
     click.echo(f"written to {output}, with .csv, .png and .json beside it")
 
 
 def _fresh_augmentations(stored: GraspDataset, folder: Path) -> FreshAugmentations:
     """New samples of the scenes in a dataset, with its augmentation and seed; epoch 0 is what the dataset holds."""
+    import numpy as np
+
     from ggcnn_net2net.datasets.augmentation import Augmentation
     from ggcnn_net2net.datasets.build import FreshAugmentations
     from ggcnn_net2net.datasets.raw import open_scenes
@@ -200,7 +204,14 @@ def _fresh_augmentations(stored: GraspDataset, folder: Path) -> FreshAugmentatio
             f"expected {stored.path} to be made by `dataset build` of {folder}, received one of {len(names)} scenes, "
             f"{len(found)} of which are in the folder"
         )
-    return FreshAugmentations(found, Augmentation.from_dict(settings), stored.attributes["seed"])
+    fresh = FreshAugmentations(found, Augmentation.from_dict(settings), stored.attributes["seed"])
+    for row in (0, len(fresh) - 1):  # other folders may have scenes of the same names
+        if not np.allclose(fresh.sample(row).depth, stored.depth(row), atol=1e-4):
+            raise DatasetError(
+                f"expected {stored.path} to be made by `dataset build` of {folder}, received one of other scenes with "
+                f"the same names: the depth of {stored.image_ids[row]} differs"
+            )
+    return fresh
 
 
 @contextmanager

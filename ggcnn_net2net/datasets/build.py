@@ -75,7 +75,7 @@ def build_dataset(
     sides = split.side_of(scenes.objects)
     problems = list(scenes.report)
     attributes = {
-        "source": f"{scenes.form} {scenes.path.name}",
+        "source": f"{scenes.form} {scenes.path.resolve().name}",
         **({} if scenes.depth is None else {"depth": scenes.depth}),
         "seed": seed,
         "split": split.describe(),

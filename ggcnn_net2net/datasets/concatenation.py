@@ -48,10 +48,19 @@ def concatenate(paths: Iterable[Path], output: Path, *, compressed: bool = True)
         Rows of each split.
 
     Raises:
-        DatasetError: a file that cannot be read, images of different sizes, or a scene of one source that is in both
-            splits.
+        DatasetError: a file that cannot be read or is `output`, images of different sizes, or a scene of one source
+            that is in both splits.
     """
+    paths = list(paths)
+    if output.exists() and any(path.exists() and output.samefile(path) for path in paths):
+        raise DatasetError(f"expected another output file than the inputs, received {output} for both")
     parts = [dataset for path in paths for dataset in splits_of(path)]
+    shapes = {part.shape: part.path for part in parts}
+    if len(shapes) > 1:
+        raise DatasetError(
+            "expected images of one size, received "
+            + ", ".join(f"{height}x{width} px in {path}" for (height, width), path in shapes.items())
+        )
     attributes: dict[str, Any] = {
         "source": "concatenation",
         "parts": [

@@ -92,6 +92,14 @@ def open_cornell(path: Path) -> SceneFolder:
             f"expected scenes pcdNNNNr.png, pcdNNNNcpos.txt and pcdNNNN.txt or pcdNNNNd.tiff in {path} or its "
             f"sub-folders, found none" + "".join(f"; {problem.file}: {problem.problem}" for problem in problems[:3])
         )
+    unlisted = [file.name for file in files if file.name not in objects]
+    if objects and unlisted:
+        problems.append(
+            Problem(
+                "z.txt",
+                f"{len(unlisted)} scenes are not in it, {unlisted[0]} for one: each counts as an object of its own",
+            )
+        )
     return SceneFolder(path, "cornell", tuple(files), tuple(problems))
 
 

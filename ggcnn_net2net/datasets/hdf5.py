@@ -203,6 +203,11 @@ class GraspDataset:
         state = self.path.stat()
         return _computed_fingerprint(self.path.resolve(), self.split, state.st_size, state.st_mtime_ns)
 
+    @property
+    def has_fingerprint(self) -> bool:
+        """Whether the file itself keeps the fingerprint."""
+        return bool(self._group.attrs.get("fingerprint"))
+
     def content_hash(self) -> str:
         """`fingerprint`, computed from what the file holds now."""
         digest = hashlib.sha256()
@@ -294,6 +299,21 @@ class GraspDataset:
                     f"received {group[key].shape}"
                 )
         self._group = group
+
+
+def fingerprints_of(path: Path) -> dict[str, str]:
+    """What the images are known by that a search trains and scores on.
+
+    Args:
+        path: HDF5 file with the splits "train" and "test".
+
+    Returns:
+        `GraspDataset.fingerprint` by split.
+
+    Raises:
+        DatasetError: as `GraspDataset`.
+    """
+    return {split: GraspDataset(path, split).fingerprint for split in ("train", "test")}
 
 
 @lru_cache

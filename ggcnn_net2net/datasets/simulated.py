@@ -208,14 +208,22 @@ def simulate_folder(
     )
     with alone(folder / "scenes.lock", refusal):
         _claim(folder, settings)
-        _write_missing(folder, scenes, settings, workers, on_progress)
-        written = [file for index in range(MAX_SCENES) if (file := _file(folder, index, "scene.json")).is_file()]
-        records = [json.loads(file.read_text()) for file in written]  # of this and of earlier calls
-        shapes = {record["name"]: record.get("shape", record["object"]) for record in records}
-        numbers = {shape: number for number, shape in enumerate(sorted(set(shapes.values())))}
-        lines = (f"{name.removeprefix(_PREFIX)} {numbers[shape]} {shape}\n" for name, shape in shapes.items())
-        write_text(folder / "z.txt", "".join(lines))
+        try:
+            _write_missing(folder, scenes, settings, workers, on_progress)
+        finally:
+            records = _list_objects(folder)
     return {record["name"]: record["labels"] for record in records[:scenes]}
+
+
+def _list_objects(folder: Path) -> list[dict[str, Any]]:
+    """Write z.txt of the scenes that are there, and return what is known of them."""
+    written = [file for index in range(MAX_SCENES) if (file := _file(folder, index, "scene.json")).is_file()]
+    records = [json.loads(file.read_text()) for file in written]
+    shapes = {record["name"]: record.get("shape", record["object"]) for record in records}
+    numbers = {shape: number for number, shape in enumerate(sorted(set(shapes.values())))}
+    lines = (f"{name.removeprefix(_PREFIX)} {numbers[shape]} {shape}\n" for name, shape in shapes.items())
+    write_text(folder / "z.txt", "".join(lines))
+    return records
 
 
 def _write_missing(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -28,8 +29,8 @@ class Split:
     seed: int | None = None
 
     def __post_init__(self) -> None:
-        names = [*self.train, *self.test]
-        repeated = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
+        counts = Counter([*self.train, *self.test])
+        repeated = sorted(name for name, count in counts.items() if count > 1)
         if repeated or not self.train or not self.test:
             raise DatasetError(
                 f"expected every scene on one side of the split and some on each, received {len(self.train)} for "

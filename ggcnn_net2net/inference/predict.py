@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from ggcnn_net2net.errors import DepthImageError
 from ggcnn_net2net.grasping import RSS_2018, Decoding, Grasp
 from ggcnn_net2net.grasping.decoding import best_grasp
 from ggcnn_net2net.inference.network import compiled_network
@@ -44,6 +45,11 @@ def predict_grasps(
 
     Returns:
         n grasps in pixels; None where the network sees none.
+
+    Raises:
+        DepthImageError: depth of another shape.
     """
+    if depth.ndim != 3:
+        raise DepthImageError(f"expected depth images (n, H, W), received {depth.shape}: take depth[None] for one")
     inputs = depth - depth.mean(axis=(1, 2), keepdims=True)
     return [best_grasp(maps, decoding) for maps in predict_maps(model, inputs)]

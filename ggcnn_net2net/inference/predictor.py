@@ -172,6 +172,9 @@ class GraspPredictor:
 
 
 def _model_of(network: keras.Model | str | Path) -> keras.Model:
-    from ggcnn_net2net.model_files import load_ggcnn
+    from ggcnn_net2net.model_files import check_ggcnn, load_ggcnn
 
-    return load_ggcnn(network) if isinstance(network, (str, Path)) else network
+    if isinstance(network, (str, Path)):
+        return load_ggcnn(network)
+    check_ggcnn(network)
+    return network

@@ -84,9 +84,10 @@ def _shape_problems(model: keras.Model) -> Iterator[str]:
                 f"expected {head.name} to give a map of the input's size {shapes[0][1:]}, received "
                 f"{tuple(tensor.shape)[1:]}"
             )
-        if type(head).__name__ != "Conv2D" or head.filters != 1 or head.activation.__name__ != "linear":
+        activation = getattr(head, "activation", None)
+        activation_name = getattr(activation, "__name__", type(activation).__name__)  # it may be a layer
+        if type(head).__name__ != "Conv2D" or head.filters != 1 or activation_name != "linear":
             yield (
                 f"expected {head.name} to be a linear Conv2D with one filter, received {type(head).__name__} with "
-                f"{getattr(head, 'filters', 'no')} filters and activation "
-                f"{getattr(getattr(head, 'activation', None), '__name__', 'none')}"
+                f"{getattr(head, 'filters', 'no')} filters and activation {activation_name}"
             )

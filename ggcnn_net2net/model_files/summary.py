@@ -87,15 +87,15 @@ def model_summary(source: str | Path) -> ModelSummary:
     """Look into a model file.
 
     Args:
-        source: "published" or a path, as for `load_ggcnn`; a model that `load_ggcnn` refuses for its heads or weights
-            is summarised all the same.
+        source: "published", "zoo:NAME" or a path, as for `load_ggcnn`; a model that `load_ggcnn` refuses for its heads
+            or weights is summarised all the same.
 
     Returns:
         Layers, parameters, hash, lineage, and the reasons for which `load_ggcnn` would refuse the file.
 
     Raises:
         DataNotFoundError: the published file is nowhere.
-        VerificationError: the published file has a wrong SHA-256.
+        VerificationError: the published file, or one of the zoo, has a wrong SHA-256.
         ModelFileError: no such file, damaged, or a model that cannot be rebuilt safely.
     """
     path = source_path(source)

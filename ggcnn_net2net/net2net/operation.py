@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -36,6 +37,8 @@ class Operation:
     """*wider*: new number of filters; None to go by `factor`."""
 
     def __post_init__(self) -> None:
+        if hasattr(self.layer, "__index__"):  # of NumPy, too
+            object.__setattr__(self, "layer", operator.index(self.layer))
         if self.name not in _OPTIONS:
             raise SurgeryError(f"expected an operation 'deeper' or 'wider', received {self.name!r}")
         if not (self.layer >= 1 if isinstance(self.layer, int) else _LAYER.match(self.layer)):

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ggcnn_net2net.atomic import replacing
+from ggcnn_net2net.errors import SurgeryError
 from ggcnn_net2net.net2net.graph import ModelGraph
 from ggcnn_net2net.net2net.rebuild import weights_of
 from ggcnn_net2net.net2net.rules import RULES
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import keras
 
 _HEADS = "heads"
+_DRAWN = ("Conv2D", "Conv2DTranspose")
 _MARK = "#d95f02"
 _MOST_NUMBERED = 16  # channels on the longer side of a panel; more numbers would run into each other
 
@@ -58,6 +60,9 @@ def kernel_panels(model: keras.Model) -> list[KernelPanel]:
     Returns:
         One panel a hidden layer, in model order, and one for the heads. Two filters of a layer are equal if their
         weights and biases are.
+
+    Raises:
+        SurgeryError: a network that is no such chain.
     """
     graph = ModelGraph.of(model)
     panels: list[KernelPanel] = []
@@ -66,6 +71,11 @@ def kernel_panels(model: keras.Model) -> list[KernelPanel]:
         rule = RULES.get(type(layer).__name__)
         if rule is None or rule.width is None:
             continue
+        if type(layer).__name__ not in _DRAWN:
+            raise SurgeryError(
+                f"expected a chain of {' and '.join(_DRAWN)} layers to draw, received {name!r} of class "
+                f"{type(layer).__name__}: leave the picture out"
+            )
         weights = weights_of(layer)
         kernel = np.moveaxis(weights["kernel"], (rule.sums["kernel"], rule.owns["kernel"]), (-2, -1))
         filters = kernel.reshape(-1, kernel.shape[-1])
@@ -74,6 +84,8 @@ def kernel_panels(model: keras.Model) -> list[KernelPanel]:
         strength = abs(kernel).reshape(-1, *kernel.shape[-2:]).max(axis=0)
         panel = KernelPanel(name, _title(layer, kernel.shape[-2]), strength, inputs, outputs)
         (heads if name in graph.outputs else panels).append(panel)
+    if len({head.strength.shape[0] for head in heads}) > 1:
+        raise SurgeryError("expected heads that read one layer, received heads of several: leave the picture out")
     together = np.concatenate([head.strength for head in heads], axis=1)
     title = f"{len(heads)} {_HEADS}\n{together.shape[0]} → 1 each"
     return [*panels, KernelPanel(_HEADS, title, together, heads[0].inputs, np.arange(together.shape[1]))]

@@ -103,7 +103,7 @@ def added_parameters(graph: ModelGraph, channels: Channels, name: str, factor: f
 
 
 def _new_width(layer: str, present: int, factor: float, filters: int | None) -> int:
-    if filters is None and 1 < factor < np.inf:
+    if filters is None and factor > 1 and present * factor < np.inf:
         return max(round(present * factor), present + 1)
     if filters is not None and filters > present:
         return filters

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ggcnn_net2net.errors import SearchError
+from ggcnn_net2net.search.journal import resume_command
 from ggcnn_net2net.search.settings import IOU, LOSS, SearchSettings
 
 if TYPE_CHECKING:
@@ -86,14 +87,28 @@ def prepare_simulation(settings: SearchSettings, directory: Path, workers: Worke
     """
     from ggcnn_net2net.simulation.benchmark import prepare_scenes
 
-    objects, scene_settings = _simulation(settings)
+    objects, scene_settings = simulation_of(settings)
     scenes = prepare_scenes(directory / SCENES_FILE, objects, scene_settings, workers)
     expected = len(objects.objects) * settings.sim_poses
     if len(scenes) < expected:
-        raise SearchError(f"expected {expected} scenes, received {len(scenes)}: worker processes died; start again")
+        raise SearchError(
+            f"expected {expected} scenes, received {len(scenes)}: worker processes died; go on with "
+            f"`{resume_command(directory)}`"
+        )
 
 
-def _simulation(settings: SearchSettings) -> tuple[ObjectSet, SceneSettings]:
+def simulation_of(settings: SearchSettings) -> tuple[ObjectSet, SceneSettings]:
+    """What the heuristic "sim" judges on.
+
+    Args:
+        settings: of the search.
+
+    Returns:
+        The objects, and the settings of the scenes.
+
+    Raises:
+        ObjectSetError, DataNotFoundError: as `load_object_set`.
+    """
     from ggcnn_net2net.simulation.object_sets import load_object_set
     from ggcnn_net2net.simulation.scenes import SceneSettings
 
@@ -108,7 +123,7 @@ def _success_rate(model: keras.Model, settings: SearchSettings, directory: Path)
     from ggcnn_net2net.simulation.trial import decoding_of, run_trial
     from ggcnn_net2net.simulation.world import process_world
 
-    scenes = load_scenes(directory / SCENES_FILE, *_simulation(settings))
+    scenes = load_scenes(directory / SCENES_FILE, *simulation_of(settings))
     grasps: Any = predict_grasps(model, depth_images(scenes), decoding_of(settings.protocol))
     trials = (
         run_trial(process_world(), scene, grasp, settings.protocol) for scene, grasp in zip(scenes, grasps, strict=True)

@@ -46,12 +46,12 @@ def resume_command(directory: Path, *options: str) -> str:
 
 
 def score_to_json(score: float) -> float | None:
-    """A score as the journal holds it: JSON knows no NaN, which stands for a failure."""
-    return None if math.isnan(score) else score
+    """A score as the journal holds it: JSON knows neither NaN nor infinity, which stand for a failure."""
+    return score if math.isfinite(score) else None
 
 
 def score_from_json(value: float | None) -> float:
-    """The inverse of `score_to_json`."""
+    """The inverse of `score_to_json`; a failure is NaN."""
     return math.nan if value is None else float(value)
 
 

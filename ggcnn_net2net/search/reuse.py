@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ggcnn_net2net.atomic import replacing
 from ggcnn_net2net.search.candidates import root_candidate
+from ggcnn_net2net.search.history import read_history
 from ggcnn_net2net.search.journal import JOURNAL_FILE, Event, read_events
 from ggcnn_net2net.search.settings import SearchSettings
 from ggcnn_net2net.search.trainer import Job, model_file
@@ -82,20 +83,23 @@ def differences(model: keras.Model, settings: SearchSettings, dataset: Path, dir
     Returns:
         Names of what differs and matters to a candidate, such as "recipe.images_per_epoch", "train images" or
         "network"; none also where there is no search.
+
+    Raises:
+        SearchError: the journal is not that of a search.
     """
-    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.datasets.hdf5 import fingerprints_of
     from ggcnn_net2net.training.checkpoint import fingerprint_of
 
     events = read_events(directory / JOURNAL_FILE)
     if not events:
         return []
+    read_history(events)  # refuses what is no search
     begun = events[0]
     plain = json.loads(json.dumps(settings.as_dict()))  # as the journal holds it
     new, old = (_flat(_candidate_settings(values)) for values in (plain, begun["settings"]))
     differing = sorted(name for name in new.keys() | old.keys() if new.get(name) != old.get(name))
-    splits = ("train", "test")
-    found = {split: GraspDataset(dataset, split).fingerprint for split in splits}
-    differing += [f"{split} images" for split in splits if found[split] != begun["data"][split]]
+    found = fingerprints_of(dataset)
+    differing += [f"{split} images" for split in found if found[split] != begun["data"][split]]
     if root_candidate(fingerprint_of(model), begun["data"]["train"]).key != begun["root"]:
         differing.append("network")
     return differing if _versions_are(versions(), events) else [*differing, "versions of the packages"]

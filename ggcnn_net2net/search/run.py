@@ -6,6 +6,7 @@ import math
 import shutil
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from ggcnn_net2net.errors import DatasetError, SearchError, SurgeryError
 from ggcnn_net2net.parallel import LocalWorkers, Workers
 from ggcnn_net2net.search.beam import search
 from ggcnn_net2net.search.candidates import root_candidate
-from ggcnn_net2net.search.heuristics import prepare_simulation
+from ggcnn_net2net.search.heuristics import prepare_simulation, simulation_of
 from ggcnn_net2net.search.history import SearchHistory, read_history
 from ggcnn_net2net.search.journal import (
     FORMAT,
@@ -81,10 +82,16 @@ def start_search(
         SearchError: the folder holds a search, one of `reuse` holds none, the limit of parameters leaves nothing to
             try, the network cannot be scored, or all its children or too many candidates in a row failed.
         TrainingError: a recipe that cannot train: its optimizer, or more images a step than there are.
-        DatasetError: a dataset that cannot be read, or has images of another size than the network takes.
+        DatasetError: a dataset that cannot be read, or has images of another size than the network or the teacher
+            takes.
         SurgeryError: no operation can be applied to the network at all.
+        ModelFileError: a teacher that cannot be read.
+        ObjectSetError, DataNotFoundError: objects of the heuristic "sim" that cannot be had.
     """
+    from ggcnn_net2net.simulation.object_sets import absolute_spec
+
     directory, dataset = Path(directory).absolute(), Path(dataset).absolute()
+    settings = replace(settings, sim_objects=absolute_spec(settings.sim_objects))  # a search may go on from elsewhere
     _check_reuse(settings, reuse)
     with Journal(directory / JOURNAL_FILE) as journal:
         if read_events(journal.path):
@@ -170,19 +177,16 @@ def _prepare(
     Returns:
         The journal's first event.
     """
+    from ggcnn_net2net.datasets.hdf5 import fingerprints_of
     from ggcnn_net2net.model_files import load_ggcnn, save_ggcnn
     from ggcnn_net2net.training.checkpoint import fingerprint_of
 
-    _check_children(model, settings)
-    _check_size(model, dataset)
-    _check_recipe(settings.recipe, dataset)
-    data = {"path": str(dataset), **_fingerprints(dataset)}
+    check_search(model, dataset, settings)
+    data = {"path": str(dataset), **fingerprints_of(dataset)}
     root = root_candidate(fingerprint_of(model), data["train"])
     save_ggcnn(model, model_file(directory, root.key))
     if settings.distil not in (None, FROM_PARENT):
-        teacher = load_ggcnn(settings.distil)
-        _check_size(teacher, dataset)
-        save_ggcnn(teacher, directory / TEACHER_FILE)
+        save_ggcnn(load_ggcnn(settings.distil), directory / TEACHER_FILE)
     return {
         "event": "search",
         "format": FORMAT,
@@ -194,6 +198,29 @@ def _prepare(
         "versions": versions(),
         "started": time.time(),
     }
+
+
+def check_search(model: keras.Model, dataset: Path, settings: SearchSettings) -> None:
+    """See that a search can begin, as `start_search` does before it writes anything.
+
+    Args:
+        model: the network to start from.
+        dataset: of the search.
+        settings: of the search.
+
+    Raises:
+        SearchError, TrainingError, DatasetError, SurgeryError, ModelFileError, ObjectSetError, DataNotFoundError: as
+            `start_search`.
+    """
+    from ggcnn_net2net.model_files import load_ggcnn
+
+    _check_children(model, settings)
+    _check_size(model, dataset)
+    _check_recipe(settings.recipe, dataset)
+    if settings.distil not in (None, FROM_PARENT):
+        _check_size(load_ggcnn(settings.distil), dataset)
+    if settings.heuristic == SIM:
+        simulation_of(settings)
 
 
 def _check_reuse(settings: SearchSettings, reuse: Sequence[Path]) -> None:
@@ -254,15 +281,11 @@ def _check_size(model: keras.Model, dataset: Path) -> None:
         )
 
 
-def _fingerprints(dataset: Path) -> dict[str, str]:
-    from ggcnn_net2net.datasets.hdf5 import GraspDataset
-
-    return {split: GraspDataset(dataset, split).fingerprint for split in ("train", "test")}
-
-
 def _check_data(begun: Event) -> None:
+    from ggcnn_net2net.datasets.hdf5 import fingerprints_of
+
     path = Path(begun["data"]["path"])
-    found = _fingerprints(path)
+    found = fingerprints_of(path)
     if any(found[split] != begun["data"][split] for split in found):
         raise SearchError(f"expected the dataset that the search began with in {path}, received another: put it back")
 

@@ -101,6 +101,11 @@ class SearchSettings:
             )
         if not 0 < self.distil_weight <= 1:
             raise SearchError(f"expected distil_weight above 0 and at most 1, received {self.distil_weight}")
+        if self.halving and self.recipe.epochs < 2:
+            raise SearchError(
+                "expected 2 epochs or more with successive halving, which stops some candidates on the way, received "
+                f"{self.recipe.epochs}"
+            )
         if self.halving and self.recipe.learning_rate_schedule is not None:
             raise SearchError(
                 "expected no learning rate schedule with successive halving, which does not know in advance how long "

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ggcnn_net2net.errors import SearchError
 from ggcnn_net2net.parallel import Crash
 from ggcnn_net2net.search.candidates import ROOT, Candidate
-from ggcnn_net2net.search.journal import Event, resume_command
+from ggcnn_net2net.search.journal import Event, resume_command, score_to_json
 from ggcnn_net2net.search.settings import FROM_PARENT, SearchSettings
 
 if TYPE_CHECKING:
@@ -64,8 +64,9 @@ class Job:
 
     def crashed(self, crash: Crash) -> Event:
         """What to tell of a job on which workers died."""
-        error = f"the worker process died {crash.attempts} times, the last time with exit code {crash.exit_code}"
-        return {"event": "failed", **self.facts(), "error": f"{error}: is memory short?", "traceback": "", "seconds": 0}
+        last = "" if crash.exit_code is None else f", the last time with exit code {crash.exit_code}"
+        error = f"the worker process died {crash.attempts} times{last}: is memory short?"
+        return {"event": "failed", **self.facts(), "error": error, "traceback": "", "seconds": 0}
 
     def facts(self) -> Event:
         """What is the same for all outcomes."""
@@ -85,7 +86,13 @@ def run_job(job: Job) -> Event:
     Raises:
         SearchError: a file cannot be read or written, a full disk for one, or the dataset is damaged. That says nothing
             of the candidate, so it must not rank last for it.
+        TrainingError: this process computes with another number of threads already, which says nothing of it either.
     """
+    from ggcnn_net2net.quiet import import_tensorflow
+    from ggcnn_net2net.training import set_threads
+
+    import_tensorflow()
+    set_threads(job.settings.threads)
     started = time.time()
     facts = {**job.facts(), "started": started, "worker": f"{platform.node()}:{os.getpid()}"}
     try:
@@ -118,12 +125,8 @@ def _train_and_score(job: Job) -> dict[str, Any]:
     from ggcnn_net2net.errors import ArchitectureError
     from ggcnn_net2net.model_files import save_ggcnn
     from ggcnn_net2net.net2net import operations, parameters_after
-    from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.search.heuristics import score
-    from ggcnn_net2net.training import set_threads
 
-    import_tensorflow()
-    set_threads(job.settings.threads)
     model, loss = _trained(job)
     if job.replicate == 0:
         save_ggcnn(model, model_file(job.directory, job.candidate.key))
@@ -133,7 +136,7 @@ def _train_and_score(job: Job) -> dict[str, Any]:
         architecture = ""
     following = operations(model, transpose=job.settings.transpose)
     return {
-        "score": score(model, job.settings, Path(job.data), job.directory),
+        "score": score_to_json(score(model, job.settings, Path(job.data), job.directory)),
         "loss": loss,
         "parameters": model.count_params(),
         "architecture": architecture,

@@ -49,7 +49,8 @@ class CandidateTree:
         self._elsewhere = elsewhere
         self._results: dict[str, Results] = {}
         self._pruned: dict[str, float] = {}
-        self._failures = self._level = self._commitments = 0
+        self._failed_in_a_row: set[str] = set()
+        self._level = self._commitments = 0
         self._written = {_text(event) for event in events}
         for event in events:
             if event["event"] in ("scored", "failed"):
@@ -226,11 +227,15 @@ class CandidateTree:
         )
 
     def _count_failures(self, event: Event) -> None:
-        self._failures = self._failures + 1 if event["event"] == "failed" else 0
-        if self._failures >= self.settings.max_failures:
+        if event["event"] != "failed":
+            self._failed_in_a_row.clear()
+            return
+        self._failed_in_a_row.add(event["candidate"])  # with replicates it may fail more than once
+        if len(self._failed_in_a_row) >= self.settings.max_failures:
+            command = resume_command(self.directory, "--retry-failed")
             raise SearchError(
-                f"stopped after {self._failures} failed candidates in a row, the last with: {event['error']}; remove "
-                f"the cause, and go on with `{resume_command(self.directory, '--retry-failed')}`"
+                f"stopped after {len(self._failed_in_a_row)} failed candidates in a row, the last with: "
+                f"{event['error']}; remove the cause, and go on with `{command}`"
             )
 
 

@@ -147,6 +147,21 @@ def load_object_set(spec: str, protocol: Protocol = PAPER) -> ObjectSet:
     return ObjectSet(name, tuple(objects))
 
 
+def absolute_spec(spec: str) -> str:
+    """The same object set, for any working directory.
+
+    Args:
+        spec: of `load_object_set`.
+
+    Returns:
+        It with the absolute path of its folder, if it has one.
+    """
+    name, colon, argument = spec.partition(":")
+    if name == "shapenetsem" and argument:
+        return f"{name}{colon}{Path(argument).absolute()}"
+    return spec if name in _SETS else str(Path(spec).absolute())
+
+
 def make_model(
     name: str,
     category: str,

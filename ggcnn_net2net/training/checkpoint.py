@@ -68,6 +68,22 @@ def load_checkpoint(directory: Path, model: keras.Model, run: Run) -> History:
     return history
 
 
+def epochs_done(directory: Path) -> int:
+    """How many epochs a run has done.
+
+    Args:
+        directory: where its checkpoints are; need not exist.
+
+    Returns:
+        The epochs of the checkpoint; 0 where there is none.
+
+    Raises:
+        TrainingError: a damaged checkpoint.
+    """
+    path = directory / FILE_NAME
+    return len(_read(path)[0]["history"]) if path.exists() else 0
+
+
 @dataclass(frozen=True)
 class OptimizerState:
     """What an optimizer remembers from one step to the next. Its learning rate is a setting and no part of that."""

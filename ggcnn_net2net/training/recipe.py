@@ -53,8 +53,10 @@ class Recipe:
             value = getattr(self, name)
             if value is not None and (not isinstance(value, int) or value < 1):
                 raise TrainingError(f"expected {name} to be an integer above 0, received {value!r}")
-        if self.learning_rate <= 0:
+        if not 0 < self.learning_rate < float("inf"):
             raise TrainingError(f"expected a learning rate above 0, received {self.learning_rate}")
+        if self.seed < 0:
+            raise TrainingError(f"expected a seed of 0 or more, received {self.seed}")
         if self.learning_rate_schedule not in SCHEDULES:
             raise TrainingError(
                 f"expected a learning rate schedule of {SCHEDULES}, received {self.learning_rate_schedule!r}"

@@ -13,7 +13,7 @@ from ggcnn_net2net import atomic
 from ggcnn_net2net.errors import TrainingError
 from ggcnn_net2net.model_files.save import save_ggcnn
 from ggcnn_net2net.net2net import Operation, apply_operations
-from ggcnn_net2net.training.checkpoint import History
+from ggcnn_net2net.training.checkpoint import FILE_NAME, History, epochs_done
 from ggcnn_net2net.training.data import Batch, TrainingData
 from ggcnn_net2net.training.recipe import Recipe
 from ggcnn_net2net.training.report import columns_of, series_of
@@ -122,12 +122,14 @@ def train_stages(
 
     Raises:
         SurgeryError: an operation that cannot be applied, before any training.
-        TrainingError: no operations, or what `train` raises.
+        TrainingError: no operations, more epochs for a stage after which another has begun, or what `train` raises.
     """
     stages = stages_of(recipe, operations, final_epochs)
     noise = recipe.protocol.wider_noise
     apply_operations(model, [one for one in operations if one is not None], noise=noise)  # a wrong one shows at once
     staged = is_staged(operations)
+    if staged and checkpoint_dir is not None:
+        _prepare_folder(Path(checkpoint_dir), stages, resume)
     history: History = []
     for number, stage in enumerate(stages):
         if stage.operation is not None:
@@ -151,6 +153,23 @@ def train_stages(
         if folder is not None:
             save_ggcnn(model, Path(folder) / MODEL_FILE)
     return TrainingResult(model, history)
+
+
+def _prepare_folder(checkpoint_dir: Path, stages: Sequence[Stage], resume: bool) -> None:
+    """See that the stages which were begun fit together, or forget all of them."""
+    folders = [stage_dir(checkpoint_dir, number) for number in range(len(stages))]
+    if not resume:
+        for folder in folders:
+            (folder / FILE_NAME).unlink(missing_ok=True)
+        return
+    done = [epochs_done(folder) for folder in folders]
+    for number, (stage, own, following) in enumerate(zip(stages, done, done[1:], strict=False)):
+        if following and own < stage.recipe.epochs:
+            raise TrainingError(
+                f"expected stage {number} with the {own} epochs that it had in {checkpoint_dir} before the next one "
+                f"began, received {stage.recipe.epochs}: only the last stage can go on, with more final epochs; name "
+                "another checkpoint folder, or start afresh"
+            )
 
 
 def is_staged(operations: Sequence[Operation | None]) -> bool:

@@ -46,6 +46,7 @@ def test_from_raw_to_joined(folder, tmp_path):
     assert "train: 6 images 300x300 of 3 scenes" in output
     assert '"per_scene": 2' in output
     assert "1.0 rectangles an image" in output
+    assert output.count("the content has it") == 2
     assert "4 images written" in call("preview", data, "-o", sheet, "--count", 4)
     assert cv2.imread(str(sheet)).std() > 10
     assert "12 train, 8 test images" in call("concat", data, data, "-o", both)

@@ -80,6 +80,19 @@ def test_mistakes_are_told_before_anything_is_written(model, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["small.net.hdf5"]
 
 
+def test_another_network_is_not_replaced_and_nothing_else_is_written(model, tmp_path):
+    other = tmp_path / "out" / "small_net.keras"
+    other.parent.mkdir()
+    other.write_bytes(b"hours of training")
+    result = run(model, "--to", "onnx", "--to", "keras", "-o", other.parent)
+    assert "may be a network that was trained" in str(result.exception)
+    assert [path.name for path in other.parent.iterdir()] == ["small_net.keras"]
+    assert other.read_bytes() == b"hours of training"
+    other.unlink()
+    for _ in range(2):  # the second time, what is there is an export
+        assert run(model, "--to", "keras", "-o", other.parent).exit_code == 0
+
+
 def test_what_was_written_before_an_error_is_told(model, tmp_path):
     result = run(model, "--to", "onnx", "--to", "pytorch", "-o", tmp_path / "out")
     assert isinstance(result.exception, ExportError)

@@ -142,6 +142,15 @@ def test_watching_a_folder_until_it_is_interrupted(network, tmp_path, monkeypatc
     }
 
 
+def test_a_link_to_the_latest_image_may_change(network, tmp_path):
+    link = tmp_path / "latest.npy"
+    for name in ("a.npy", "b.npy"):
+        link.unlink(missing_ok=True)
+        link.symlink_to(image(tmp_path / name))
+        _, errors, failure = call(link, "-o", tmp_path / "out", "--network", network)
+        assert (errors, failure) == ("", None)
+
+
 def test_names_with_what_pictures_take_for_formulas(network, tmp_path):
     folder = tmp_path / "in [red]"
     text, errors, failure = call(

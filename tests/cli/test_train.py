@@ -65,6 +65,12 @@ def test_it_writes_the_model_and_what_made_it(call, tmp_path):
     assert [path.name for path in (tmp_path / "shallow.hdf5.training").iterdir()] == ["checkpoint.npz"]
 
 
+def test_final_epochs_of_a_plain_training_are_on_record(call, tmp_path):
+    call("shallow", tmp_path / "plain.hdf5", "--epochs", 1, "--final-epochs", 2, "--no-validation")
+    facts = json.loads((tmp_path / "plain.json").read_text())
+    assert (facts["recipe"]["epochs"], facts["last_epoch"]["epoch"]) == (3, 2)
+
+
 def test_it_goes_on_from_a_checkpoint_and_from_a_file(call, tmp_path):
     first = tmp_path / "first.hdf5"
     call(ARCHITECTURE, first, "--epochs", 1)
@@ -197,6 +203,23 @@ def test_an_interrupt_leaves_a_state_to_go_on_from(dataset, tmp_path):
     assert checkpoint.exists()
 
 
+def test_an_interrupted_restart_does_not_tell_to_restart_again(dataset, tmp_path, monkeypatch, capsys):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ggcnn_net2net.training.set_threads", lambda threads: None)
+    monkeypatch.setattr("ggcnn_net2net.training.stages.train_stages", interrupt)
+    for options, command in (
+        ((), "the same command goes"),
+        (("--restart",), "the same command without --restart goes"),
+    ):
+        with pytest.raises((KeyboardInterrupt, click.Abort)):
+            train_command.main(
+                ["shallow", str(dataset), "-o", str(tmp_path / "x.hdf5"), *options], standalone_mode=False
+            )
+        assert command in capsys.readouterr().err
+
+
 @pytest.fixture
 def raw(tmp_path):
     """A folder of three scenes in Cornell's format."""
@@ -228,8 +251,27 @@ def test_fresh_augmentations_begin_as_the_stored_ones_and_then_differ(call, raw,
 
 
 def test_fresh_augmentations_of_another_folder_are_refused(call, raw, tmp_path):
-    with pytest.raises(DatasetError, match="dataset build"):
+    def refused(message, stored=None):
+        arguments = ["shallow", stored, "-o", tmp_path / "x.hdf5", "--fresh-from", raw]
+        with pytest.raises(DatasetError, match=message):
+            train_command.main([str(part) for part in arguments], standalone_mode=False)
+
+    with pytest.raises(DatasetError, match="which holds how its samples were drawn"):
         call("shallow", tmp_path / "x.hdf5", "--fresh-from", raw)
+    stored, split = tmp_path / "stored.h5", Split(train=("pcd0000", "pcd0001"), test=("pcd0002",))
+    build_dataset(open_scenes(raw), split, stored, Augmentation(per_scene=2), seed=5)
+    depth = raw / "pcd0001d.tiff"
+    cv2.imwrite(str(depth), cv2.imread(str(depth), cv2.IMREAD_UNCHANGED)[::-1])  # another scene of this name
+    refused("other scenes with the same names: the depth of pcd0001 differs", stored)
+    depth.unlink()
+    refused("2 scenes, 1 of which are in the folder", stored)
+
+
+def test_the_folder_of_the_checkpoints_is_looked_at_before_the_work(dataset, tmp_path):
+    (tmp_path / "file").touch()
+    options = ["shallow", dataset, "-o", tmp_path / "x.hdf5", "--checkpoint-dir", tmp_path / "file" / "deep"]
+    with pytest.raises(click.BadParameter, match="is a file"):
+        train_command.main([str(part) for part in options], standalone_mode=False)
 
 
 def test_nothing_that_is_read_is_written_over(call, dataset, tmp_path):

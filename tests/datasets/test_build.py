@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -33,6 +35,13 @@ def test_build_does_not_depend_on_workers(cornell, tmp_path):
     fresh = FreshAugmentations(scenes.only(split.train), TWICE, 5)
     for left, right in zip(fresh.batch(range(8), 0), first[0].batch(range(8)), strict=True):
         np.testing.assert_array_equal(left, right)
+
+
+def test_the_source_has_a_name_from_inside_its_folder_too(cornell, tmp_path, monkeypatch):
+    monkeypatch.chdir(cornell)
+    scenes = open_scenes(Path())
+    build_dataset(scenes, make_split(scenes.objects, "image", 0.3, 0), tmp_path / "data.h5", PLAIN)
+    assert GraspDataset(tmp_path / "data.h5", "train").attributes["source"] == f"cornell {cornell.name}"
 
 
 def test_unreadable_scenes_are_left_out_and_reported(cornell, tmp_path):

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
@@ -63,6 +65,26 @@ def test_scenes_of_several_sources_may_have_the_same_name(tmp_path, samples):
     assert test.fingerprint == GraspDataset(made, "test").fingerprint
     concatenate([tmp_path / "two.h5"], tmp_path / "again.h5")
     assert splits_of(tmp_path / "again.h5")[0].image_ids == ["cornell real/a"]
+
+
+def test_an_input_is_no_output(tmp_path, samples):
+    first = write(tmp_path / "first.h5", [("train", samples[0])])
+    before = first.read_bytes()
+    with pytest.raises(DatasetError, match="another output file than the inputs"):
+        concatenate([first], tmp_path / ".." / tmp_path.name / "first.h5")
+    assert first.read_bytes() == before
+
+
+def test_images_of_two_sizes_are_refused_before_any_is_written(tmp_path, samples):
+    small = replace(
+        samples[1],
+        depth=samples[1].depth[:4, :4],
+        rgb=samples[1].rgb[:4, :4],
+        maps=tuple(image[:4, :4] for image in samples[1].maps),
+    )
+    paths = [write(tmp_path / f"{number}.h5", [("train", item)]) for number, item in enumerate((samples[0], small))]
+    with pytest.raises(DatasetError, match=r"one size, received .*0\.h5, 4x4 px in .*1\.h5"):
+        concatenate(paths, tmp_path / "both.h5")
 
 
 def test_files_that_were_joined_without_the_sources_are_not_joined_on(tmp_path, samples):

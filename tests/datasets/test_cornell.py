@@ -58,6 +58,15 @@ def test_without_a_list_each_scene_is_an_object(cornell):
     assert "object of its own" in problems(scenes)["z.txt"]
 
 
+def test_a_list_without_some_scenes_is_reported(cornell):
+    lines = (cornell / "z.txt").read_text().splitlines()
+    (cornell / "z.txt").write_text("\n".join(lines[:-2]))
+    scenes = open_cornell(cornell)
+    missing = [name for name, thing in scenes.objects.items() if name == thing]
+    assert len(missing) == 2
+    assert problems(scenes)["z.txt"].startswith(f"2 scenes are not in it, {missing[0]} for one: each counts as")
+
+
 def test_damage_is_reported_and_left_out(cornell):
     (cornell / "01" / "pcd0100r.png").unlink()
     (cornell / "01" / "pcd0101d.tiff").unlink()

@@ -115,6 +115,19 @@ def test_folder_goes_on_and_does_not_depend_on_workers(folder, tmp_path):
     assert files_of(tmp_path) == files_of(folder)  # all four are still listed
 
 
+def test_an_interrupted_call_lists_the_scenes_that_are_there(tmp_path, monkeypatch):
+    def interrupt(done, total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    simulate_folder(tmp_path, 1, Simulation(seed=3), workers=1)
+    with pytest.raises(KeyboardInterrupt):
+        simulate_folder(tmp_path, 4, Simulation(seed=3), 1, interrupt)
+    scenes = open_scenes(tmp_path)
+    assert len(scenes) >= 3
+    assert scenes.report == ()
+
+
 @pytest.mark.parametrize("sides", [(0.03, 0.2), (0.2, 0.1), (0.1, 0.4), (0.3, 0.32)])
 def test_sides_that_no_object_can_have_are_refused(sides):
     with pytest.raises(DatasetError, match=r"sides from 0.04 to 0.32 m, the lower one first and at most 0.25 m"):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ggcnn_net2net.errors import DepthImageError
 from ggcnn_net2net.grasping import RSS_2018
 from ggcnn_net2net.inference import predict
 
@@ -26,3 +27,8 @@ def test_each_image_loses_its_own_mean_and_nothing_is_clipped(monkeypatch):
         np.testing.assert_allclose(image, depth - depth.mean(), atol=1e-6)
     assert [(grasp.row, grasp.col) for grasp in grasps] == [(30, 30), (30, 31)]
     assert [grasp.width_px for grasp in grasps] == pytest.approx([30.0, 30.0])
+
+
+def test_one_image_alone_is_refused():
+    with pytest.raises(DepthImageError, match=r"received \(60, 60\): take depth\[None\]"):
+        predict.predict_grasps(None, np.zeros((60, 60)))

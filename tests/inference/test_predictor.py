@@ -213,6 +213,8 @@ def test_wrong_arguments(small, predictor, tmp_path):
         GraspPredictor(small, backend="torch")
     with pytest.raises(ModelFileError):
         GraspPredictor(tmp_path / "none.hdf5")
+    with pytest.raises(ModelFileError, match="pos_out"):
+        GraspPredictor(keras.Model(small.inputs, small.outputs[::-1]))
     with pytest.raises(DepthImageError, match="predict takes several"):
         predictor.look(scene()[None])
     with pytest.raises(GraspError, match="n_grasps"):

@@ -219,3 +219,15 @@ def test_options_that_keras_2_lacks_are_kept(tmp_path, maps):
     model = keras.Model(inputs, [keras.layers.Conv2D(1, 2, padding="same", name=name)(hidden) for name in HEADS])
     for ours, theirs in zip(maps(load_ggcnn(save_ggcnn(model, tmp_path / "model.h5"))), maps(model), strict=True):
         assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("suffix", [".keras", ".hdf5"])
+def test_activations_that_are_layers(suffix, tmp_path, maps):
+    inputs = keras.Input((8, 8, 1))
+    hidden = keras.layers.Conv2D(4, 3, padding="same", activation=keras.layers.ReLU(max_value=0.1))(inputs)
+    model = keras.Model(inputs, [keras.layers.Conv2D(1, 2, padding="same", name=name)(hidden) for name in HEADS])
+    for ours, theirs in zip(maps(load_ggcnn(save_ggcnn(model, tmp_path / f"a{suffix}"))), maps(model), strict=True):
+        assert_array_equal(ours, theirs)
+    heads = [keras.layers.Conv2D(1, 2, padding="same", activation=keras.layers.ReLU(), name=name) for name in HEADS]
+    with pytest.raises(ModelFileError, match=r"linear Conv2D with one filter, received Conv2D .* activation ReLU"):
+        save_ggcnn(keras.Model(inputs, [head(hidden) for head in heads]), tmp_path / f"b{suffix}")

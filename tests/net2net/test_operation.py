@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from ggcnn_net2net.errors import SurgeryError
@@ -78,3 +79,8 @@ def test_anything_else_is_an_error_that_shows_it(text: str) -> None:
 def test_parse_reads_exactly_one() -> None:
     with pytest.raises(SurgeryError, match="expected one operation, received 2"):
         Operation.parse("deeper(1), deeper(2)")
+
+
+def test_indices_of_numpy_are_indices() -> None:
+    assert str(Operation("wider", np.int64(3))) == "wider(3)"
+    assert Operation("wider", np.int64(3)) == Operation("wider", 3)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import cv2
+import keras
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import ggcnn_net2net as gn
+from ggcnn_net2net.architecture import HEADS
 from ggcnn_net2net.cli.grow import grow_command
+from ggcnn_net2net.errors import SurgeryError
 from ggcnn_net2net.net2net.pictures import draw_surgery, kernel_panels
 
 
@@ -60,3 +63,25 @@ def test_grow_draws(tmp_path):
     result = CliRunner().invoke(grow_command, [str(argument) for argument in arguments], standalone_mode=False)
     assert result.exception is None
     assert cv2.imread(str(tmp_path / "a.png")).shape[1] > 1200
+
+
+def test_what_cannot_be_drawn_is_refused_before_anything_is_written(tmp_path):
+    inputs = keras.Input((8, 8, 1))
+    branches = [keras.layers.Conv2D(width, 3, padding="same")(inputs) for width in (2, 2, 2, 3)]
+
+    def heads_on(features):
+        heads = [keras.layers.Conv2D(1, 2, padding="same", name=name) for name in HEADS]
+        return keras.Model(inputs, [head(below) for head, below in zip(heads, features, strict=True)])
+
+    model = heads_on(branches)
+    with pytest.raises(SurgeryError, match="heads of several"):
+        kernel_panels(model)
+    gn.save_ggcnn(model, tmp_path / "branches.hdf5")
+    arguments = [tmp_path / "branches.hdf5", "--ops", f"wider({model.layers[1].name})", "-o", tmp_path / "a.hdf5"]
+    arguments += ["--draw", tmp_path / "a.png"]
+    result = CliRunner().invoke(grow_command, [str(argument) for argument in arguments], standalone_mode=False)
+    assert isinstance(result.exception, SurgeryError)
+    assert [path.name for path in tmp_path.iterdir()] == ["branches.hdf5"]
+    dense = keras.layers.Dense(3)(keras.layers.Conv2D(2, 3, padding="same")(inputs))
+    with pytest.raises(SurgeryError, match="of class Dense"):
+        kernel_panels(heads_on([dense] * 4))

@@ -144,6 +144,7 @@ def test_softmax_and_grouped_layers_cannot_be_widened() -> None:
         ({"factor": 0.5}, "factor=0.5"),
         ({"factor": float("nan")}, "factor=nan"),
         ({"factor": float("inf")}, "factor=inf"),
+        ({"factor": 1e308}, r"factor=1e\+308"),
         ({"filters": 4}, "filters=4"),
         ({"filters": 2}, "filters=2"),
         ({"noise": -0.1}, "noise=-0.1"),

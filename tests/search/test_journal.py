@@ -1,10 +1,11 @@
 import json
+import math
 import multiprocessing
 
 import pytest
 
 from ggcnn_net2net.errors import SearchError
-from ggcnn_net2net.search.journal import Journal, read_events
+from ggcnn_net2net.search.journal import Journal, read_events, score_from_json, score_to_json
 
 EVENTS = [{"event": "one", "score": 0.1 + 0.2}, {"event": "two", "nested": [1, None, {"ä": True}]}]
 
@@ -73,3 +74,10 @@ def test_another_process_waits_for_its_turn(path):
         assert read_events(path) == EVENTS
     assert try_from_elsewhere() == "written"
     assert read_events(path) == [*EVENTS, {"event": "other process"}]
+
+
+@pytest.mark.parametrize("score", [0.0, -1.5, math.nan, math.inf, -math.inf])
+def test_scores_are_json(score):
+    value = json.loads(json.dumps(score_to_json(score), allow_nan=False))
+    assert value == (score if math.isfinite(score) else None)
+    assert math.isnan(score_from_json(value)) == (value is None)

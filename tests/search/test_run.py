@@ -13,7 +13,14 @@ from scripted_workers import OPERATIONS, ScriptedWorkers, score_of
 from search_data import ARCHITECTURE, SIZE
 
 from ggcnn_net2net.architecture import build_ggcnn
-from ggcnn_net2net.errors import DatasetError, SearchError, SurgeryError, TrainingError
+from ggcnn_net2net.errors import (
+    DatasetError,
+    ModelFileError,
+    ObjectSetError,
+    SearchError,
+    SurgeryError,
+    TrainingError,
+)
 from ggcnn_net2net.parallel import Crash
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.search import SearchSettings, load_history, resume_search, start_search
@@ -161,13 +168,17 @@ def test_failures_are_recorded_and_ranked_last(run):
     assert failed.error == "TrainingError: as the script says"
 
 
-def test_a_dead_worker_is_a_failure(run):
+@pytest.mark.parametrize(
+    ("crash", "told"),
+    [(Crash(-9, 2), "died 2 times, the last time with exit code -9: "), (Crash(None, 8), "died 8 times: ")],
+)
+def test_a_dead_worker_is_a_failure(run, crash, told):
     def score(operations, epochs, replicate):
-        return Crash(-9, 2) if operations == ("wider(1)",) else score_of(operations, epochs, replicate)
+        return crash if operations == ("wider(1)",) else score_of(operations, epochs, replicate)
 
     history, _, _ = run(score=score)
     failed = next(one for one in history.candidates.values() if one.state == "failed")
-    assert "exit code -9" in failed.error
+    assert told in failed.error
     assert len(history.path) == 4
 
 
@@ -199,6 +210,15 @@ def test_failures_in_a_row_stop_the_search_and_can_be_tried_again(run, model, da
     history = resume_search(directory, repaired, retry_failed=True)
     assert not history.failed
     assert keys_on(history) == keys_on(run()[0])
+
+
+def test_one_candidate_is_one_failure_however_often_it_is_trained(run):
+    def score(operations, epochs, replicate):
+        return math.nan if operations == ("wider(1)",) else score_of(operations, epochs, replicate)
+
+    history, _, _ = run(replace(SMALL, replicates=3, max_failures=2), score)
+    assert history.finished
+    assert [candidate.operation for candidate in history.failed] == ["wider(1)"]
 
 
 def test_a_root_without_a_score_ends_the_search(run):
@@ -309,7 +329,21 @@ def test_nothing_is_left_of_a_search_that_cannot_start(model, dataset, tmp_path)
     larger = build_ggcnn(ARCHITECTURE, input_size=2 * SIZE, seed=0)
     with pytest.raises(DatasetError, match=r"images of \(144, 144\) px.*received \(72, 72\)"):
         start_search(larger, dataset, SMALL, tmp_path / "search", ScriptedWorkers())
-    assert read_events(tmp_path / "search" / "journal.jsonl") == []
+    with pytest.raises(ModelFileError, match=r"teacher\.hdf5"):
+        teacher = replace(SMALL, recipe=replace(SMALL.recipe, protocol=PAPER), distil=str(tmp_path / "teacher.hdf5"))
+        start_search(model, dataset, teacher, tmp_path / "search", ScriptedWorkers())
+    with pytest.raises(ObjectSetError, match="procedual40"):
+        judged = replace(SMALL, heuristic="sim", sim_objects="procedual40")
+        start_search(model, dataset, judged, tmp_path / "search", ScriptedWorkers())
+    journal = tmp_path / "search" / "journal.jsonl"
+    assert read_events(journal) == []
+    assert {path.name for path in journal.parent.iterdir()} <= {"journal.jsonl", "journal.lock"}
+
+
+def test_the_folder_of_an_object_set_is_found_from_elsewhere(model, dataset, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    start_search(model, dataset, replace(SMALL, sim_objects="mine"), tmp_path / "search", ScriptedWorkers())
+    assert load_history(tmp_path / "search").settings.sim_objects == str(tmp_path / "mine")
 
 
 def test_what_cannot_be_searched_is_refused_before_anything(model, dataset, tmp_path):

@@ -42,9 +42,7 @@ def test_the_algorithm_gets_what_follows_from_the_others():
     assert UNUSUAL.beam.patience == 2
 
 
-@pytest.mark.parametrize(
-    ("epochs", "rungs"), [(1, (1,)), (2, (1, 2)), (3, (1, 2, 3)), (8, (2, 4, 8)), (10, (3, 5, 10))]
-)
+@pytest.mark.parametrize(("epochs", "rungs"), [(2, (1, 2)), (3, (1, 2, 3)), (8, (2, 4, 8)), (10, (3, 5, 10))])
 def test_rungs_of_successive_halving(epochs, rungs):
     recipe = Recipe(epochs=epochs)
     assert SearchSettings(recipe=recipe, halving=True).rungs == rungs

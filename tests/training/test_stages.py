@@ -88,6 +88,23 @@ def test_other_operations_do_not_go_on_from_the_checkpoints(small, grasps, tmp_p
     train_stages(small, grasps, RECIPE, other, checkpoint_dir=tmp_path, resume=False)
 
 
+def test_more_epochs_of_an_early_stage_are_refused_before_any_training(small, grasps, tmp_path):
+    train_stages(small, grasps, RECIPE, GROWTH, checkpoint_dir=tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.npz")}
+    with pytest.raises(TrainingError, match=r"stage 0 with the 1 epochs.*received 2: only the last stage"):
+        train_stages(small, grasps, replace(RECIPE, epochs=2), GROWTH, checkpoint_dir=tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.npz")} == before
+    train_stages(small, grasps, RECIPE, GROWTH, FINAL_EPOCHS, checkpoint_dir=tmp_path)  # can still be prolonged
+
+
+def test_a_fresh_start_forgets_the_checkpoints_of_all_stages(small, grasps, tmp_path):
+    train_stages(small, grasps, RECIPE, GROWTH, checkpoint_dir=tmp_path)
+    other = replace(RECIPE, seed=4)
+    with pytest.raises(Interrupted):
+        train_stages(small, grasps, other, GROWTH, checkpoint_dir=tmp_path, resume=False, on_progress=Recorder(2))
+    train_stages(small, grasps, other, GROWTH, checkpoint_dir=tmp_path)
+
+
 def test_wrong_operations_are_refused_before_any_training(small, grasps, tmp_path):
     recorder = Recorder()
     with pytest.raises(SurgeryError, match=r"operation 2 of 2, wider\(20\)"):

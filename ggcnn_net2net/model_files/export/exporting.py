@@ -77,11 +77,9 @@ def export(
             f"{'none' if representative is None else 'some'} with {quantization or 'no quantization'}"
         )
     import_tensorflow()
-    with _quiet():
-        export_format.require()
     file = source_path(model) if isinstance(model, str | Path) else None
-    _check_target(path, export_format, file)
-    network = _with_one_size(_checked(model))
+    check_target(path, file)
+    network = _with_one_size(_checked(model if file is None else file))
     size = input_size(network)
     images, images_from = (samples, "the caller") if samples is not None else default_samples(size)
     inputs = network_inputs(images, size, "samples")
@@ -94,6 +92,10 @@ def export(
         facts = metadata(export_format, job, files, source_of(model, file), parity, images_from)
         (folder / beside.name).write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return path
+
+
+_NETWORKS = (".keras", ".hdf5", ".h5", ".pt", ".pth")
+"""Suffixes that a network's own file has, too."""
 
 
 def _write_and_compare(export_format: Format, job: Job, path: Path, inputs: list[Image]) -> Parity:
@@ -135,10 +137,27 @@ def _with_one_size(model: keras.Model) -> keras.Model:
     return fixed
 
 
-def _check_target(path: Path, export_format: Format, source: Path | None) -> None:
-    """Refuse to replace what is not an export: a folder of other things, or the network's own file."""
+def check_target(path: Path, source: Path | None) -> None:
+    """Refuse to replace what is not an export: a folder of other things, the network's own file, or another network.
+
+    Args:
+        path: of the export to come; its suffix tells the format.
+        source: the network's own file, if it has one.
+
+    Raises:
+        ExportError: something else is there.
+        MissingExtraError: what writes or runs the format is not installed.
+    """
+    export_format = format_of(path)
+    with _quiet():
+        export_format.require()
     if source is not None and path.exists() and path.samefile(source):
         raise ExportError(f"expected another path than the network's own file, received {str(path)!r} for both")
+    if path.suffix in _NETWORKS and path.is_file() and not metadata_path(path).is_file():
+        raise ExportError(
+            f"expected a new file, or an export to replace, received {str(path)!r}, which may be a network that was "
+            "trained: name another"
+        )
     if export_format.suffixes and path.is_dir():
         raise ExportError(f"expected a file to write, received {str(path)!r}, which is a folder")
     if not export_format.suffixes and path.exists() and not (path / "saved_model.pb").is_file():

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from ggcnn_net2net.errors import DepthImageError
+from ggcnn_net2net.errors import DatasetError, DepthImageError
 from ggcnn_net2net.model_files.export.runtime import Image
 from ggcnn_net2net.reference_data import data_root
 
@@ -25,8 +26,9 @@ def default_samples(size: tuple[int, int]) -> tuple[Depth, str]:
     Cornell scenes where the folder of the reference data has them, simulated scenes of training objects otherwise.
     """
     root = data_root()
-    if root is not None and any(root.glob("cornell/**/pcd*cpos.txt")):
-        return scene_images(root / "cornell", _CORNELL, size), "Cornell Grasping Dataset"
+    if root is not None and (root / "cornell").is_dir():
+        with suppress(DatasetError):  # no scenes there
+            return scene_images(root / "cornell", _CORNELL, size), "Cornell Grasping Dataset"
     return np.stack([_crop(image, np.array(image.shape) / 2, size) for image in _simulated()]), "simulated scenes"
 
 

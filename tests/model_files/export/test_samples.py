@@ -29,8 +29,10 @@ def test_cornell_images_are_the_samples_where_they_are(data_root):
 
 
 @pytest.mark.slow
-def test_simulated_scenes_are_the_samples_elsewhere(monkeypatch):
-    monkeypatch.delenv("GGCNN_NET2NET_DATA", raising=False)
+def test_simulated_scenes_are_the_samples_elsewhere(monkeypatch, tmp_path):
+    (tmp_path / "cornell" / "deep" / "01").mkdir(parents=True)
+    (tmp_path / "cornell" / "deep" / "01" / "pcd0100cpos.txt").touch()  # not where scenes are looked for
+    monkeypatch.setenv("GGCNN_NET2NET_DATA", str(tmp_path))
     depth, source = default_samples((300, 300))
     assert source == "simulated scenes"
     assert depth.shape == (4, 300, 300)
