@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -31,13 +30,16 @@ NETWORK = click.option(
 NETWORKS = click.option(
     "--networks",
     metavar="CURVE=MODEL,...",
-    help="With --run: what to start from, narrow=FILE,shallow=FILE. [default: zoo:narrow and zoo:shallow]",
+    help="With --run: what to start from, narrow=FILE,shallow=FILE. [default: zoo:narrow_paper and zoo:shallow_paper, "
+    "in protocol corrected zoo:narrow and zoo:shallow]",
 )
 CURVES = click.option("--curves", metavar="NAMES", help="With --run: only these, separated by commas. [default: all]")
 _RUN = (
     click.option("--run", "run_again", is_flag=True, help="Run the searches again, or go on with them. Hours to days."),
     click.option(
-        "--data", type=click.Path(path_type=Path, dir_okay=False), help="With --run: file of `dataset build`."
+        "--data",
+        type=click.Path(path_type=Path, exists=True, dir_okay=False),
+        help="With --run: file of `dataset build`.",
     ),
     click.option(
         "--budget",
@@ -206,10 +208,17 @@ def everything(
       python -m ggcnn_net2net.reproduce all --run --budget paper --data cornell.h5
     """
     from ggcnn_net2net.cli.reproduce import table1  # which imports this module
+    from ggcnn_net2net.quiet import import_tensorflow
     from ggcnn_net2net.reproduce.experiments import EXPERIMENTS, part_of
+    from ggcnn_net2net.reproduce.networks import load_networks
 
     _need_data(options)
-    part_of(EXPERIMENTS["fig3"], networks=_named(networks))  # names that are wrong show now, not after hours
+    # Names that are wrong show now, not after hours.
+    part_of(EXPERIMENTS["fig3"], networks=_named(networks))
+    for model in (network, *_named(networks).values()) if options["run_again"] else ():
+        if model is not None:
+            import_tensorflow()
+            load_networks([model])
     status: int = context.invoke(
         table1,
         objects_spec=options["objects_spec"],
@@ -281,8 +290,9 @@ def _run(
         protocols=[protocol_named(protocol_name)] if protocol_name else (),
         networks=networks,
     )
-    for network, protocol in itertools.product(sorted({curve.network for curve in part.curves}), part.protocols):
-        note_other_loss(f"{PREFIX}{network}" if network in names() else network, protocol)
+    for protocol in part.protocols:
+        for network in sorted({curve.of_protocol(protocol).network for curve in part.curves}):
+            note_other_loss(f"{PREFIX}{network}" if network in names() else network, protocol)
     import_tensorflow()
     try:
         with LocalWorkers(workers or os.cpu_count() or 1) as pool:

@@ -26,6 +26,8 @@ class Curve:
     """As in the paper's legend; the same name in two experiments is the same search."""
     network: str = "published"
     """What the search starts from: "published", "zoo:NAME" or a model file."""
+    paper_network: str = ""
+    """What it starts from in PAPER instead, whose loss counts all pixels; "": the same."""
     epochs: int = 2
     retrain: int = 0
     transpose: bool = False
@@ -42,6 +44,21 @@ class Curve:
     def start(self) -> str:
         """What the search starts from, for people."""
         return Path(self.network).name
+
+    def of_protocol(self, protocol: Protocol) -> Curve:
+        """The curve with the network that it starts from in this protocol.
+
+        A network that learnt with the masked loss has to learn what to say of pixels without labels before it gains
+        anything in PAPER, and a small one forgets the grasps while it does.
+
+        Args:
+            protocol: of the search.
+
+        Returns:
+            This curve, or with another `network`.
+        """
+        starts_apart = self.paper_network and not protocol.masked_loss
+        return replace(self, network=self.paper_network, paper_network="") if starts_apart else self
 
     def settings(
         self,
@@ -110,8 +127,8 @@ EXPERIMENTS = {
             "fig3",
             "Growing small GG-CNNs (Fig. 3)",
             (
-                Curve("narrow", network="zoo:narrow", transpose=True),
-                Curve("shallow", network="zoo:shallow", transpose=True),
+                Curve("narrow", network="zoo:narrow", paper_network="zoo:narrow_paper", transpose=True),
+                Curve("shallow", network="zoo:shallow", paper_network="zoo:shallow_paper", transpose=True),
             ),
         ),
         Experiment(
@@ -136,7 +153,7 @@ def part_of(
         experiment: the whole.
         curves: names of the curves to keep; none: all.
         protocols: instead of its own; none: its own.
-        networks: what a curve starts from instead, by the curve's name.
+        networks: what a curve starts from instead, by the curve's name, in every protocol.
 
     Returns:
         The smaller experiment, under the same name.
@@ -150,7 +167,7 @@ def part_of(
     if unknown:
         raise ResultsError(f"expected curves of {experiment.name}: {', '.join(names)}; received {', '.join(unknown)}")
     kept = tuple(
-        replace(curve, network=networks.get(curve.name, curve.network))
+        replace(curve, network=networks[curve.name], paper_network="") if curve.name in networks else curve
         for curve in experiment.curves
         if not curves or curve.name in curves
     )

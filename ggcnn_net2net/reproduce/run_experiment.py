@@ -110,17 +110,20 @@ def run_experiment(
 
     work, views = work or output, views or Views()
     sets = {protocol: load_object_set(conditions.objects, protocol) for protocol in experiment.protocols}
+    curves = {protocol: [curve.of_protocol(protocol) for curve in experiment.curves] for protocol in sets}
     simulations = {protocol: work / f"simulation-{protocol.name.lower()}" for protocol in experiment.protocols}
     for protocol, objects in sets.items():  # what would be refused after hours of searching
         scenes = SceneSettings.of(objects, conditions.poses, conditions.seed)
         check_settings(simulations[protocol] / "results.json", settings_of(scenes, protocol, PAPER_GRIPPER))
+        for curve in curves[protocol]:
+            _prepare(curve, conditions, protocol, _directory(work, curve, protocol), workers)
     if (output / RESULTS_FILE).is_file():
         read_points(output / RESULTS_FILE)
     for protocol, objects in sets.items():
         networks: list[Network] = []
-        for curve in experiment.curves:
+        for curve in curves[protocol]:
             title = f"{experiment.name}: {curve.name}, protocol {protocol.name}"
-            directory = work / "searches" / f"{curve.slug}-{protocol.name.lower()}"
+            directory = _directory(work, curve, protocol)
             with views.search(title) as on_event:
                 history = _search(curve, conditions, protocol, directory, workers, command, on_event)
             found = _networks_of(curve, history, directory)
@@ -158,6 +161,10 @@ def run_experiment(
     return read_points(output / RESULTS_FILE)
 
 
+def _directory(work: Path, curve: Curve, protocol: Protocol) -> Path:
+    return work / "searches" / f"{curve.slug}-{protocol.name.lower()}"
+
+
 def _search(
     curve: Curve,
     conditions: Conditions,
@@ -168,20 +175,11 @@ def _search(
     on_event: OnEvent,
 ) -> SearchHistory:
     """Start a search, or go on with it, and write its report."""
-    from ggcnn_net2net.search import load_history, resume_search, start_search
-    from ggcnn_net2net.search.journal import JOURNAL_FILE, read_events
+    from ggcnn_net2net.search import resume_search, start_search
     from ggcnn_net2net.search.report import write_report
 
-    model = _start_of(curve)
-    others = _searches_beside(directory)
-    # A process cannot change its number of threads, and may train candidates of several curves.
-    usual = max(1, (os.cpu_count() or 1) // max(1, workers.count))  # a cluster may have none yet
-    threads = next((other.settings.threads for other in others.values()), usual)
-    settings = curve.settings(
-        conditions.budget, protocol, conditions.seed, threads, conditions.max_parameters, conditions.learning_rate
-    )
-    if read_events(directory / JOURNAL_FILE):
-        _check_same(load_history(directory), settings, model, conditions.data, directory)
+    model, settings = _prepare(curve, conditions, protocol, directory, workers)
+    if _is_begun(directory):
         history = resume_search(directory, workers, on_event=on_event)
     else:
         history = start_search(
@@ -192,11 +190,38 @@ def _search(
             workers,
             name=curve.start,
             command=command,
-            reuse=list(others),
+            reuse=list(_searches_beside(directory)),
             on_event=on_event,
         )
     write_report(history, directory / "report")
     return history
+
+
+def _prepare(
+    curve: Curve, conditions: Conditions, protocol: Protocol, directory: Path, workers: Workers
+) -> tuple[keras.Model, SearchSettings]:
+    """Network and settings of a search that can begin, or go on as it was begun; everything else is refused."""
+    from ggcnn_net2net.search import load_history
+    from ggcnn_net2net.search.run import check_search
+
+    model = _start_of(curve)
+    # A process cannot change its number of threads, and may train candidates of several curves.
+    usual = max(1, (os.cpu_count() or 1) // max(1, workers.count))  # a cluster may have none yet
+    threads = next((other.settings.threads for other in _searches_beside(directory).values()), usual)
+    settings = curve.settings(
+        conditions.budget, protocol, conditions.seed, threads, conditions.max_parameters, conditions.learning_rate
+    )
+    if _is_begun(directory):
+        _check_same(load_history(directory), settings, model, conditions.data, directory)
+    else:
+        check_search(model, conditions.data, settings)
+    return model, settings
+
+
+def _is_begun(directory: Path) -> bool:
+    from ggcnn_net2net.search.journal import JOURNAL_FILE, read_events
+
+    return bool(read_events(directory / JOURNAL_FILE))
 
 
 def _searches_beside(directory: Path) -> dict[Path, SearchHistory]:
@@ -220,7 +245,7 @@ def _start_of(curve: Curve) -> keras.Model:
     if network.model is None or network.stand_in:
         raise ResultsError(
             f"expected the network {curve.network}, from which the curve {curve.name} starts: {network.note}; name the "
-            "one that you mean, such as --network zoo:original_retrained"
+            "one that you mean, such as zoo:original_retrained"
         )
     return network.model
 
@@ -229,15 +254,15 @@ def _check_same(
     begun: SearchHistory, settings: SearchSettings, model: keras.Model, data: Path, directory: Path
 ) -> None:
     """Refuse to go on with a search of another kind. The number of threads may differ: it stays what it was."""
-    from ggcnn_net2net.datasets.hdf5 import GraspDataset
+    from ggcnn_net2net.datasets.hdf5 import fingerprints_of
     from ggcnn_net2net.search.candidates import root_candidate
     from ggcnn_net2net.training.checkpoint import fingerprint_of
 
-    train, test = (GraspDataset(data, split).fingerprint for split in ("train", "test"))
+    images = fingerprints_of(data)
     same = {
         "settings": replace(begun.settings, threads=settings.threads) == settings,
-        "network or train images": begun.root == root_candidate(fingerprint_of(model), train).key,
-        "test images": begun.data["test"] == test,
+        "network or train images": begun.root == root_candidate(fingerprint_of(model), images["train"]).key,
+        "test images": begun.data["test"] == images["test"],
     }
     others = [name for name, is_same in same.items() if not is_same]
     if others:
@@ -280,7 +305,7 @@ def _iou_rates(
     images = GraspDataset(data, "test").fingerprint
     conditions = json.dumps([protocol.as_dict(), versions()], sort_keys=True)
     made_with = hashlib.sha256(conditions.encode()).hexdigest()[:16]
-    known: dict[str, list[int]] = json.loads(known_file.read_text(encoding="utf-8")) if known_file.is_file() else {}
+    known = _known_rates(known_file)
     keys = [f"{network.sha256} {images} {protocol.name} {made_with}" for network in networks]
     missing = {key: directory / network.file for key, network in zip(keys, networks, strict=True) if key not in known}
     inputs = [(path.absolute(), data.absolute(), protocol, threads) for path in missing.values()]
@@ -295,6 +320,16 @@ def _iou_rates(
         write_text(known_file, json.dumps(known, indent=1) + "\n")
         on_progress("IoU rate", done, len(missing))
     return [Rate(*known[key]) for key in keys]
+
+
+def _known_rates(file: Path) -> dict[str, list[int]]:
+    """Successes and images by network and conditions, as far as they have been counted."""
+    if not file.is_file():
+        return {}
+    try:
+        return {str(key): [int(count) for count in counts] for key, counts in json.loads(file.read_bytes()).items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise ResultsError(f"cannot read {file}: {error!r}; remove it, and its rates are counted again") from error
 
 
 def _iou_counts(path: Path, data: Path, protocol: Protocol, threads: int) -> list[int]:

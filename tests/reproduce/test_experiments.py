@@ -13,8 +13,10 @@ import pytest
 from click.testing import CliRunner
 from commands import call
 
+from ggcnn_net2net import zoo
+from ggcnn_net2net.architecture import NAMED
 from ggcnn_net2net.cli import figures
-from ggcnn_net2net.errors import ResultsError
+from ggcnn_net2net.errors import GGCNNError, ResultsError
 from ggcnn_net2net.parallel import Crash, LocalWorkers
 from ggcnn_net2net.protocol import CORRECTED, PAPER
 from ggcnn_net2net.reproduce import run_experiment as run_experiment_module
@@ -69,6 +71,18 @@ def test_part_of_an_experiment():
     for unknown in ({"curves": ["e=3"]}, {"networks": {"e=3": "x"}}):
         with pytest.raises(ResultsError, match=r"e=2 r=8.*received e=3"):
             part_of(FIG2, **unknown)
+
+
+@pytest.mark.parametrize("protocol", [PAPER, CORRECTED])
+def test_a_curve_starts_from_a_network_of_the_protocols_loss(protocol):
+    for curve in EXPERIMENTS["fig3"].curves:
+        start = curve.of_protocol(protocol).network
+        made = zoo.provenance(start.removeprefix(zoo.PREFIX))
+        assert made["recipe"]["protocol"]["masked_loss"] == protocol.masked_loss
+        assert made["architecture"] == str(NAMED[curve.name])
+        chosen = part_of(EXPERIMENTS["fig3"], networks={curve.name: "mine.hdf5"}, curves=[curve.name])
+        assert [curve.of_protocol(protocol).network for curve in chosen.curves] == ["mine.hdf5"]
+    assert all(curve.of_protocol(protocol) == curve for curve in FIG2.curves)
 
 
 @pytest.fixture(scope="module")
@@ -181,6 +195,7 @@ def test_every_network_gets_its_own_rates(conditions, objects, network, tmp_path
     def run(function, inputs):  # last first: results come in no order
         yield from reversed([(index, function(*values)) for index, values in enumerate(inputs)])
 
+    monkeypatch.setattr(run_experiment_module, "_prepare", lambda *_: None)
     monkeypatch.setattr(run_experiment_module, "_search", search)
     monkeypatch.setattr(run_experiment_module, "_networks_of", networks_of)
     monkeypatch.setattr(run_experiment_module, "_iou_counts", iou_counts)
@@ -214,8 +229,46 @@ def test_no_other_network_takes_the_place_of_the_published_one(conditions, tmp_p
 
     stand_in = networks.Network("original (stand-in)", "C1x1x1", 17, model=object(), stand_in=True)
     monkeypatch.setattr(networks, "load_networks", lambda _: [stand_in])
-    with pytest.raises(ResultsError, match=r"published.*--network zoo:original_retrained"):
+    with pytest.raises(ResultsError, match=r"published.*such as zoo:original_retrained"):
         run_experiment(part_of(FIG2, curves=["e=2"]), conditions, tmp_path, None)
+
+
+@pytest.mark.parametrize("protocol", [PAPER, CORRECTED])
+def test_a_run_starts_from_the_network_of_the_protocol(protocol, conditions, tmp_path, monkeypatch):
+    class Stop(Exception):
+        pass
+
+    def load(specs):
+        raise Stop(*specs)
+
+    monkeypatch.setattr("ggcnn_net2net.reproduce.networks.load_networks", load)
+    curve = Curve("two", network="masked.hdf5", paper_network="all_pixels.hdf5")
+    with pytest.raises(Stop, match="masked.hdf5" if protocol.masked_loss else "all_pixels.hdf5"):
+        run_experiment(Experiment("two", "Two", (curve,), (protocol,)), conditions, tmp_path, SimpleNamespace(count=1))
+
+
+@pytest.mark.parametrize("protocol", ["paper", "corrected"])
+def test_the_default_starts_have_learnt_with_the_loss_to_come(protocol, asked):
+    options = ("--run", "--data", "my.h5", "--workers", 1, "--protocol", protocol)
+    assert "was trained with the loss of" not in call(figures.fig3, *options)
+    assert (
+        "zoo:narrow was trained with the loss of CORRECTED"
+        in call(figures.fig3, *options, "--networks", "narrow=zoo:narrow")
+    ) == (protocol == "paper")
+
+
+@pytest.mark.slow
+def test_what_a_later_search_would_refuse_is_refused_before_the_first(ran, conditions, tmp_path):
+    experiment, _, _ = ran
+    first = experiment.curves[0]
+    with LocalWorkers(1) as workers:
+        for later, message in (
+            (replace(first, name="later", network="typo.hdf5"), "typo.hdf5"),
+            (replace(first, name="later", epochs=0), "epochs"),
+        ):
+            with pytest.raises(GGCNNError, match=message):
+                run_experiment(Experiment("two", "Two", (first, later), (PAPER,)), conditions, tmp_path, workers)
+    assert not (tmp_path / "searches").exists()
 
 
 @pytest.mark.slow
@@ -291,6 +344,7 @@ def asked(monkeypatch, tmp_path):
 
     monkeypatch.setattr("ggcnn_net2net.reproduce.run_experiment.run_experiment", run)
     monkeypatch.chdir(tmp_path)
+    Path("my.h5").touch()
     return found
 
 
@@ -343,10 +397,24 @@ def test_all_runs_a_search_of_two_figures_once(asked, monkeypatch, folder):
     assert "e=2" in {curve.name for curve in asked["epochs"][0].curves}
 
 
+@pytest.mark.parametrize("wrong", [("--network", "typo.hdf5"), ("--networks", "shallow=typo.hdf5")])
+def test_all_refuses_a_wrong_network_before_table1(wrong, asked, monkeypatch):
+    import click
+
+    from ggcnn_net2net.cli import reproduce
+
+    ran = []
+    monkeypatch.setattr(reproduce, "table1", click.Command("table1", callback=lambda **options: ran.append(options)))
+    with pytest.raises(ResultsError, match=r"typo\.hdf5"):
+        call(figures.everything, "--run", "--data", "my.h5", *wrong)
+    assert not ran
+
+
 @pytest.mark.parametrize(
     ("command", "options", "message"),
     [
         (figures.fig2, ["--run"], "needs --data"),
+        (figures.fig2, ["--run", "--data", "typo.h5"], "typo.h5"),
         (figures.everything, ["--run"], "needs --data"),
         (figures.fig3, ["--networks", "narrow"], "CURVE=MODEL"),
     ],
