@@ -25,8 +25,8 @@ class _Output(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Check the folder; those that are missing are made later."""
         path = Path(str(super().convert(value, param, ctx)))
-        if not path.name:
-            self.fail(f"expected a name to write to, received {str(value)!r}", param, ctx)
+        if not path.name and not self.dir_okay:
+            self.fail(f"expected a file to write, received {str(value)!r}", param, ctx)
         try:
             folder = next(parent for parent in path.absolute().parents if parent.exists())
         except PermissionError as error:

@@ -72,7 +72,7 @@ def open_cornell(path: Path) -> SceneFolder:
             problems.append(
                 Problem(_within(path, file), f"left out: {match[1]} is also in {_within(path, found[match[1]])}")
             )
-    objects = _read_objects(path, problems)
+    listed = _read_objects(path, problems)
     files = []
     for name, folder in sorted(found.items()):
         lacking = _lacking(folder, name)
@@ -84,7 +84,7 @@ def open_cornell(path: Path) -> SceneFolder:
         problems += [Problem(_within(path, labels), flaw) for flaw in flaws]
         if len(rectangles):
             corners = tuple(tuple((row, col) for row, col in corners) for corners in rectangles.tolist())
-            files.append(CornellFile(name, objects.get(name, name), folder, corners))
+            files.append(CornellFile(name, (listed or {}).get(name, name), folder, corners))
         else:
             problems.append(Problem(_within(path, labels), "scene left out: no usable rectangle"))
     if not files:
@@ -92,8 +92,8 @@ def open_cornell(path: Path) -> SceneFolder:
             f"expected scenes pcdNNNNr.png, pcdNNNNcpos.txt and pcdNNNN.txt or pcdNNNNd.tiff in {path} or its "
             f"sub-folders, found none" + "".join(f"; {problem.file}: {problem.problem}" for problem in problems[:3])
         )
-    unlisted = [file.name for file in files if file.name not in objects]
-    if objects and unlisted:
+    unlisted = [file.name for file in files if file.name not in (listed or {})]
+    if listed is not None and unlisted:
         problems.append(
             Problem(
                 "z.txt",
@@ -219,12 +219,12 @@ def _tiff_of(folder: Path, name: str) -> Path | None:
     return next((path for path in candidates if path.is_file()), None)
 
 
-def _read_objects(path: Path, problems: list[Problem]) -> dict[str, str]:
-    """Scene -> object, from lines "NNNN object-number description ..." of z.txt."""
+def _read_objects(path: Path, problems: list[Problem]) -> dict[str, str] | None:
+    """Scene -> object, from lines "NNNN object-number description ..." of z.txt; None where there is no such list."""
     table = next((file for file in (path / "z.txt", path / "processedData" / "z.txt") if file.is_file()), None)
     if table is None:
         problems.append(Problem("z.txt", "no list of objects: each scene counts as an object of its own"))
-        return {}
+        return None
     objects: dict[str, str] = {}
     for number, line in enumerate(table.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         match = re.match(r"\s*(\d+)\s+(\d+)\s+(\S+)", line)

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 import pytest
 
-from ggcnn_net2net.cli.options import OutputFile, Picture, command_line
+from ggcnn_net2net.cli.options import OutputFile, OutputFolder, Picture, command_line
 
 
 def test_a_file_may_lie_in_a_folder_that_is_made_later(tmp_path):
@@ -19,6 +19,13 @@ def test_a_file_may_lie_in_a_folder_that_is_made_later(tmp_path):
 def test_a_file_in_the_working_folder_needs_no_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert OutputFile().convert("rates.json", None, None) == Path("rates.json")
+
+
+@pytest.mark.parametrize("name", ["", "."])
+def test_a_file_has_a_name_and_a_folder_may_be_this_one(name):
+    with pytest.raises(click.BadParameter):
+        OutputFile().convert(name, None, None)
+    assert OutputFolder().convert(".", None, None) == Path()
 
 
 @pytest.mark.parametrize("name", ["rates.json", "new/rates.json"])

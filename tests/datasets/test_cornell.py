@@ -65,6 +65,8 @@ def test_a_list_without_some_scenes_is_reported(cornell):
     missing = [name for name, thing in scenes.objects.items() if name == thing]
     assert len(missing) == 2
     assert problems(scenes)["z.txt"].startswith(f"2 scenes are not in it, {missing[0]} for one: each counts as")
+    (cornell / "z.txt").write_text("")
+    assert problems(open_cornell(cornell))["z.txt"].startswith("6 scenes are not in it")
 
 
 def test_damage_is_reported_and_left_out(cornell):
