@@ -114,11 +114,10 @@ def build_model(config: Config) -> keras.Model:
     config = copy.deepcopy(config)
     if len(config["input_layers"]) == 1:  # as a list of one, Keras 3 would warn at every call
         config["input_layers"] = config["input_layers"][0]
-    # Keras finds the layers of a model by itself, and those that stand for an activation only by a module's name.
-    inside = {str(item["class_name"]) for layer in config["layers"] for item in _objects(layer["config"])}
-    known = {name: getattr(keras.layers, name, None) for name in inside}
-    layers = {name: found for name, found in known.items() if isinstance(found, type)}
-    return keras.Model.from_config(config, custom_objects=layers)
+    # Keras looks for the class of an activation by its module, which the normal form does not have.
+    activations = [item for layer in config["layers"] for item in _objects(layer["config"].get("activation"))]
+    classes = {item["class_name"]: getattr(keras.layers, str(item["class_name"]), None) for item in activations}
+    return keras.Model.from_config(config, custom_objects=classes)
 
 
 def refuse_code(stored: Any) -> None:

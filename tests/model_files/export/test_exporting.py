@@ -173,6 +173,8 @@ def test_a_file_with_exchanged_maps_is_refused_and_the_old_one_stays(name, netwo
     old = tmp_path / NAMES[name] / "saved_model.pb" if name == "savedmodel" else tmp_path / NAMES[name]
     old.parent.mkdir(exist_ok=True)
     old.write_bytes(b"an older export")
+    metadata_path(tmp_path / NAMES[name]).write_bytes(b"its metadata")
+    before = content_of(tmp_path)
     exchanged = keras.models.clone_model(network)
     exchanged.set_weights(network.get_weights())
     for one, other in (("cos_out", "sin_out"), ("sin_out", "cos_out")):
@@ -181,7 +183,7 @@ def test_a_file_with_exchanged_maps_is_refused_and_the_old_one_stays(name, netwo
     tampered(name, lambda job, path: write(Job(exchanged), path))
     with pytest.raises(ExportError, match="cos_out to differ"):
         gn.export(network, tmp_path / NAMES[name], samples=depth())
-    assert content_of(tmp_path) == {str(old.relative_to(tmp_path)): b"an older export"}
+    assert content_of(tmp_path) == before
 
 
 @pytest.mark.parametrize("name", ["onnx", "openvino", "savedmodel"])
