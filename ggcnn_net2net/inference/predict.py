@@ -49,7 +49,27 @@ def predict_grasps(
     Raises:
         DepthImageError: depth of another shape.
     """
+    return list(each_grasp(model, depth, decoding))
+
+
+def each_grasp(
+    model: keras.Model, depth: npt.NDArray[np.floating], decoding: Decoding = RSS_2018
+) -> Iterator[Grasp | None]:
+    """Like `predict_grasps`, but an image is looked at when its grasp is asked for.
+
+    Args:
+        model: see `predict_grasps`.
+        depth: see `predict_grasps`.
+        decoding: see `predict_grasps`.
+
+    Yields:
+        The best grasp of each image, or None.
+
+    Raises:
+        DepthImageError: depth of another shape.
+    """
     if depth.ndim != 3:
         raise DepthImageError(f"expected depth images (n, H, W), received {depth.shape}: take depth[None] for one")
     inputs = depth - depth.mean(axis=(1, 2), keepdims=True)
-    return [best_grasp(maps, decoding) for maps in predict_maps(model, inputs)]
+    for maps in predict_maps(model, inputs):
+        yield best_grasp(maps, decoding)

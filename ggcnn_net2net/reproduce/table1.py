@@ -8,7 +8,8 @@ from pathlib import Path
 
 from ggcnn_net2net.atomic import alone
 from ggcnn_net2net.errors import ResultsError
-from ggcnn_net2net.inference import predict_grasps
+from ggcnn_net2net.grasping import Grasp
+from ggcnn_net2net.inference.predict import each_grasp
 from ggcnn_net2net.parallel import LocalWorkers, Workers
 from ggcnn_net2net.protocol import PAPER, Protocol
 from ggcnn_net2net.reproduce.networks import Network
@@ -114,10 +115,16 @@ def run_table1(
 def _judge(
     network: Network, scenes: Sequence[Scene], protocol: Protocol, workers: Workers, gripper: GripperSpec
 ) -> Iterator[GraspRecord]:
-    """Predict a grasp for every scene and execute it."""
+    """Predict a grasp for every scene and execute it; while some are executed, the next are predicted."""
     if not scenes:
         return
-    grasps = predict_grasps(network.model, depth_images(scenes), decoding_of(protocol))
-    for index, result in run_trials(scenes, grasps, protocol, workers, gripper):
+    grasps: list[Grasp | None] = []
+
+    def predicted() -> Iterator[Grasp | None]:
+        for grasp in each_grasp(network.model, depth_images(scenes), decoding_of(protocol)):
+            grasps.append(grasp)
+            yield grasp
+
+    for index, result in run_trials(scenes, predicted(), protocol, workers, gripper):
         scene = scenes[index]
         yield GraspRecord.of(network.name, network.weights, scene.model, scene.pose, grasps[index], result)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from ggcnn_net2net.grasping import Grasp
@@ -73,7 +73,7 @@ def prepare_scenes(
 
 def run_trials(
     scenes: Sequence[Scene],
-    grasps: Sequence[Grasp | None],
+    grasps: Iterable[Grasp | None],
     protocol: Protocol,
     workers: Workers,
     gripper: GripperSpec | None = None,
@@ -82,7 +82,8 @@ def run_trials(
 
     Args:
         scenes: n scenes.
-        grasps: a grasp in the pixels of each scene's image, or None where the network found none.
+        grasps: a grasp in the pixels of each scene's image, or None where the network found none; each is asked for
+            when a worker is about to be free for it.
         protocol: see `Protocol`.
         workers: run them. They have to see the meshes under the same paths.
         gripper: what grasps; the paper's by default.

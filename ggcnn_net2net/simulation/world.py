@@ -71,7 +71,10 @@ class World:
         self._gui = gui
         with silence_output():
             self.client: Any = BulletClient(pybullet.GUI if gui else pybullet.DIRECT)
-        self._step_simulation = self.client.stepSimulation  # the client would look it up anew at every step
+        # Asked at every step; the client would look them up anew.
+        self._step_simulation = self.client.stepSimulation
+        self._base_pose = self.client.getBasePositionAndOrientation
+        self._base_velocity = self.client.getBaseVelocity
         self.on_step: Callable[[], None] | None = None
         self.reset()
 
@@ -176,8 +179,8 @@ class World:
 
     def pose_of(self, body: int) -> tuple[Vector, Quaternion]:
         """Position and orientation of a body's centre of mass."""
-        position, orientation = self.client.getBasePositionAndOrientation(body)
-        return tuple(position), tuple(orientation)
+        position, orientation = self._base_pose(body)
+        return position, orientation
 
     def settle(
         self,
@@ -202,7 +205,7 @@ class World:
         still = 0
         for _ in range(self.steps_in(timeout)):
             self.step()
-            linear, angular = self.client.getBaseVelocity(body)
+            linear, angular = self._base_velocity(body)
             calm = np.dot(linear, linear) < speed**2 and np.dot(angular, angular) < angular_speed**2
             still = still + 1 if calm else 0
             if still >= self.steps_in(duration):

@@ -41,7 +41,7 @@ def network(monkeypatch) -> Callable[..., Network]:
         make.decodings.append(decoding)
         return [Grasp(149.0, 150.0, 0.4, model, 0.9) if model else None for _ in np.asarray(depth)]
 
-    monkeypatch.setattr(table1, "predict_grasps", predict)
+    monkeypatch.setattr(table1, "each_grasp", predict)
 
     def make(name: str, opening_px: float, sha256: str) -> Network:
         return Network(name, "C1x1x1", 17, f"{name}.hdf5", sha256, opening_px, TABLE1.get(name))
