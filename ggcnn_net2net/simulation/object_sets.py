@@ -159,7 +159,7 @@ def absolute_spec(spec: str) -> str:
     name, colon, argument = spec.partition(":")
     if name == "shapenetsem" and argument:
         return f"{name}{colon}{Path(argument).absolute()}"
-    return spec if name in _SETS else str(Path(spec).absolute())
+    return str(Path(spec).absolute()) if name not in _SETS and Path(spec).is_dir() else spec
 
 
 def make_model(

@@ -332,7 +332,7 @@ def test_nothing_is_left_of_a_search_that_cannot_start(model, dataset, tmp_path)
     with pytest.raises(ModelFileError, match=r"teacher\.hdf5"):
         teacher = replace(SMALL, recipe=replace(SMALL.recipe, protocol=PAPER), distil=str(tmp_path / "teacher.hdf5"))
         start_search(model, dataset, teacher, tmp_path / "search", ScriptedWorkers())
-    with pytest.raises(ObjectSetError, match="procedual40"):
+    with pytest.raises(ObjectSetError, match="received 'procedual40'"):
         judged = replace(SMALL, heuristic="sim", sim_objects="procedual40")
         start_search(model, dataset, judged, tmp_path / "search", ScriptedWorkers())
     journal = tmp_path / "search" / "journal.jsonl"
@@ -342,6 +342,7 @@ def test_nothing_is_left_of_a_search_that_cannot_start(model, dataset, tmp_path)
 
 def test_the_folder_of_an_object_set_is_found_from_elsewhere(model, dataset, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine").mkdir()
     start_search(model, dataset, replace(SMALL, sim_objects="mine"), tmp_path / "search", ScriptedWorkers())
     assert load_history(tmp_path / "search").settings.sim_objects == str(tmp_path / "mine")
 
