@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,6 +44,11 @@ def write_text(path: Path, text: str) -> None:
     """Write `text` as UTF-8 to `path`, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def is_one_of(path: Path, inputs: Iterable[Path | None]) -> bool:
+    """Whether writing `path` would overwrite a file that is read, under whatever name; None is passed over."""
+    return path.exists() and any(read is not None and read.exists() and path.samefile(read) for read in inputs)
 
 
 @contextmanager

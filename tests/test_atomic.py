@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from ggcnn_net2net.atomic import alone, replacing, write_text
+from ggcnn_net2net.atomic import alone, is_one_of, replacing, write_text
 from ggcnn_net2net.errors import ResultsError
 
 
@@ -58,6 +58,17 @@ def test_a_full_disk_is_an_os_error(tmp_path, limit):
     assert done.stdout == "File too large\n"
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_file_is_known_under_another_name(tmp_path):
+    read, other = tmp_path / "read", tmp_path / "other"
+    read.touch()
+    other.touch()
+    (tmp_path / "link").symlink_to(read)
+    for name in (read, tmp_path / "link", tmp_path / ".." / tmp_path.name / "read"):
+        assert is_one_of(name, [None, tmp_path / "missing", other, read])
+        assert not is_one_of(name, [None, tmp_path / "missing", other])
+    assert not is_one_of(tmp_path / "missing", [tmp_path / "missing"])  # nothing is there to be lost
 
 
 def test_one_block_at_a_time(tmp_path):

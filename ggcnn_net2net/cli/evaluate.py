@@ -201,7 +201,7 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
     """
     from rich.console import Console
 
-    from ggcnn_net2net.atomic import write_text
+    from ggcnn_net2net.atomic import is_one_of, write_text
     from ggcnn_net2net.cli.progress import stages
     from ggcnn_net2net.datasets.concatenation import splits_of
     from ggcnn_net2net.datasets.hdf5 import GraspDataset
@@ -215,7 +215,7 @@ def iou(model: str, dataset: Path, split: str, workers: int, output: Path | None
     path = source_path(model)
     for written in filter(None, (output, csv_path)):
         keep_record(written, model)
-        if written.exists() and any(read.exists() and written.samefile(read) for read in (path, dataset)):
+        if is_one_of(written, (path, dataset)):
             raise click.UsageError(f"expected another output file than the inputs, received {str(written)!r}")
     import_tensorflow()
     network = load_ggcnn(path)

@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from ggcnn_net2net.atomic import is_one_of
 from ggcnn_net2net.datasets.hdf5 import SPLITS, DatasetWriter, GraspDataset
 from ggcnn_net2net.errors import DatasetError
 
@@ -52,7 +53,7 @@ def concatenate(paths: Iterable[Path], output: Path, *, compressed: bool = True)
             that is in both splits.
     """
     paths = list(paths)
-    if output.exists() and any(path.exists() and output.samefile(path) for path in paths):
+    if is_one_of(output, paths):
         raise DatasetError(f"expected another output file than the inputs, received {output} for both")
     parts = [dataset for path in paths for dataset in splits_of(path)]
     shapes = {part.shape: part.path for part in parts}

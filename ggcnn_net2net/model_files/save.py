@@ -60,5 +60,5 @@ def check_writable(path: Path, *inputs: Path | None) -> None:
         raise ModelFileError(
             f"expected an output file with one of the suffixes {', '.join(_WRITERS)}, received {str(path)!r}"
         )
-    if path.exists() and any(read is not None and read.exists() and path.samefile(read) for read in inputs):
+    if atomic.is_one_of(path, inputs):
         raise ModelFileError(f"expected another output file than the input, received {str(path)!r} for both")

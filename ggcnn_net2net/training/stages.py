@@ -129,7 +129,12 @@ def train_stages(
     apply_operations(model, [one for one in operations if one is not None], noise=noise)  # a wrong one shows at once
     staged = is_staged(operations)
     if staged and checkpoint_dir is not None:
-        _prepare_folder(Path(checkpoint_dir), stages, resume)
+        folders = [stage_dir(checkpoint_dir, number) for number in range(len(stages))]
+        if resume:
+            _check_begun(folders, stages)
+        else:  # also of the later stages, which would be found again if this run were interrupted
+            for begun in folders:
+                (begun / FILE_NAME).unlink(missing_ok=True)
     history: History = []
     for number, stage in enumerate(stages):
         if stage.operation is not None:
@@ -155,18 +160,13 @@ def train_stages(
     return TrainingResult(model, history)
 
 
-def _prepare_folder(checkpoint_dir: Path, stages: Sequence[Stage], resume: bool) -> None:
-    """See that the stages which were begun fit together, or forget all of them."""
-    folders = [stage_dir(checkpoint_dir, number) for number in range(len(stages))]
-    if not resume:
-        for folder in folders:
-            (folder / FILE_NAME).unlink(missing_ok=True)
-        return
+def _check_begun(folders: Sequence[Path], stages: Sequence[Stage]) -> None:
+    """Refuse more epochs for a stage after which another has begun: that one started from another network."""
     done = [epochs_done(folder) for folder in folders]
     for number, (stage, own, following) in enumerate(zip(stages, done, done[1:], strict=False)):
         if following and own < stage.recipe.epochs:
             raise TrainingError(
-                f"expected stage {number} with the {own} epochs that it had in {checkpoint_dir} before the next one "
+                f"expected stage {number} with the {own} epochs that it had in {folders[number]} before the next one "
                 f"began, received {stage.recipe.epochs}: only the last stage can go on, with more final epochs; name "
                 "another checkpoint folder, or start afresh"
             )

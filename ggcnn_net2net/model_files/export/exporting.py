@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ggcnn_net2net.architecture import INPUT_SIZE
+from ggcnn_net2net.atomic import is_one_of
 from ggcnn_net2net.errors import ExportError, GGCNNError
 from ggcnn_net2net.model_files.check import check_ggcnn
 from ggcnn_net2net.model_files.export.formats import Format, check_quantization, format_of
@@ -151,7 +152,7 @@ def check_target(path: Path, source: Path | None) -> None:
     export_format = format_of(path)
     with _quiet():
         export_format.require()
-    if source is not None and path.exists() and path.samefile(source):
+    if is_one_of(path, [source]):
         raise ExportError(f"expected another path than the network's own file, received {str(path)!r} for both")
     if path.suffix in _NETWORKS and path.is_file() and not metadata_path(path).is_file():
         raise ExportError(
