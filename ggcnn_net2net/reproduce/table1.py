@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 from ggcnn_net2net.atomic import alone
@@ -87,17 +90,29 @@ def run_table1(
             pool,
             lambda done: on_progress("scenes", done, len(places)),
         )
-        for network in networks:
-            if network.model is None:
-                continue
-            missing = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in records]
-            already = len(scenes) - len(missing)
-            on_progress(network.name, already, len(places))
-            for done, record in enumerate(_judge(network, missing, protocol, pool, gripper), start=already + 1):
-                records[record.key] = record
-                records_file.append(record)
-                on_progress(network.name, done, len(places))
-            # What is missing still has no scene, because workers died making it.
+        judged = [network for network in networks if network.model is not None]
+        missing: dict[tuple[str, str, int], tuple[Network, Scene]] = {}
+        for network in judged:
+            for scene in scenes:
+                key = (network.weights, scene.model.name, scene.pose)
+                if key not in records:
+                    missing.setdefault(key, (network, scene))
+        left = Counter(network.name for network, _ in missing.values())
+        done = {network.name: len(scenes) - left[network.name] for network in judged}
+
+        def show(name: str) -> None:
+            on_progress(name, done[name], len(places))
+
+        for name in done:
+            if not left[name]:
+                show(name)
+        for record in _judge(list(missing.values()), protocol, pool, gripper, show):
+            records[record.key] = record
+            records_file.append(record)
+            done[record.model] += 1
+            show(record.model)
+        # What is missing still has no scene, because workers died making it.
+        for network in judged:
             for model, pose in places:
                 lost = GraspRecord.lost(network.name, network.weights, model, pose)
                 records.setdefault(lost.key, lost)
@@ -113,18 +128,34 @@ def run_table1(
 
 
 def _judge(
-    network: Network, scenes: Sequence[Scene], protocol: Protocol, workers: Workers, gripper: GripperSpec
+    trials: Sequence[tuple[Network, Scene]],
+    protocol: Protocol,
+    workers: Workers,
+    gripper: GripperSpec,
+    on_begin: Callable[[str], None],
 ) -> Iterator[GraspRecord]:
-    """Predict a grasp for every scene and execute it; while some are executed, the next are predicted."""
-    if not scenes:
-        return
+    """Predict a grasp for every trial and execute it; while some are executed, the next are predicted.
+
+    Args:
+        trials: all of a network stand together. While the last of one are executed, the next network is compiled.
+        protocol: see `Protocol`.
+        workers: run the simulation.
+        gripper: what grasps.
+        on_begin: called with the name of each network.
+
+    Yields:
+        A record of each trial, as they come.
+    """
     grasps: list[Grasp | None] = []
 
     def predicted() -> Iterator[Grasp | None]:
-        for grasp in each_grasp(network.model, depth_images(scenes), decoding_of(protocol)):
-            grasps.append(grasp)
-            yield grasp
+        for network, its_trials in groupby(trials, key=itemgetter(0)):
+            on_begin(network.name)
+            depth = depth_images([scene for _, scene in its_trials])
+            for grasp in each_grasp(network.model, depth, decoding_of(protocol)):
+                grasps.append(grasp)
+                yield grasp
 
-    for index, result in run_trials(scenes, predicted(), protocol, workers, gripper):
-        scene = scenes[index]
+    for index, result in run_trials([scene for _, scene in trials], predicted(), protocol, workers, gripper):
+        network, scene = trials[index]
         yield GraspRecord.of(network.name, network.weights, scene.model, scene.pose, grasps[index], result)

@@ -71,6 +71,11 @@ class Gripper:
         """Free space between the fingers in metres."""
         return self.spec.max_opening - sum(self._positions(JAW_JOINTS))
 
+    @property
+    def lowest(self) -> float:
+        """Height of the lower fingertip in metres."""
+        return min(self._world.box_of(self.body, joint)[0][2] for joint in JAW_JOINTS)
+
     def _positions(self, joints: Sequence[int]) -> list[float]:
         return [state[0] for state in self._joint_states(self.body, joints)]
 
@@ -80,16 +85,16 @@ class Gripper:
         tolerance: float = 0.01,
         angle_tolerance: float = np.radians(2.0),
         timeout: float = MOVE_TIME,
-        on_step: Callable[[], None] | None = None,
+        until: Callable[[], bool] = lambda: False,
     ) -> bool:
-        """Move the palm, all joints at once, until it is there or the time is over.
+        """Move the palm, all joints at once, until it is there, the time is over, or `until` says so.
 
         Args:
             pose: x, y, z, roll, pitch, yaw.
             tolerance: distance in metres that counts as there.
             angle_tolerance: the same for each angle, in radians.
             timeout: simulated seconds.
-            on_step: called after every physics step.
+            until: asked after every physics step.
 
         Returns:
             Whether it arrived.
@@ -118,8 +123,8 @@ class Gripper:
             ):
                 return True
             self._world.step()
-            if on_step is not None:
-                on_step()
+            if until():
+                break
         return False
 
     def _is_at(self, target: Sequence[float], tolerance: float, angle_tolerance: float) -> bool:

@@ -152,7 +152,7 @@ def save_strips(path: Path, strips: Sequence[Strip]) -> None:
     columns = max(len(strip.pictures) for strip in strips)
     figure = Figure(figsize=(2.4 * columns, 2.5 * len(strips)), layout="constrained")
     grid = figure.subplots(len(strips), columns, squeeze=False)
-    phases = ("seen from above", "before closing", "closed", "over the bin", "end")
+    phases = ("seen from above", "before closing", "closed", "carried or left behind", "end")
     for strip, axes in zip(strips, grid, strict=True):
         for index, axis in enumerate(axes):
             axis.set_axis_off()

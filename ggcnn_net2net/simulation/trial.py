@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -25,6 +26,9 @@ _APPROACH = 0.5  # metres above the grasp
 _CARRY_HEIGHT = 0.75  # above the bin
 _LIFTED = 0.05  # metres an object has to rise to count as lifted
 _LIFT = (0.4, 0.4, 0.3)  # metres along x, y and z that `lifts` moves the gripper
+_CLEAR = 0.01  # metres from an object's top to the fingers that have left it behind
+_LOOK_EVERY = 100  # steps between two looks at whether the object lies still
+_STILL = (2e-4, 1e-3)  # from one look to the next, metres and distance of quaternions: the speeds of `World.settle`
 
 
 class Outcome(StrEnum):
@@ -104,6 +108,9 @@ def run_trial(
 ) -> TrialResult:
     """Execute a grasp on a scene.
 
+    The public code always goes on to the end. Here a trial ends when the gripper has left the object behind, where it
+    lies still and nothing will touch it.
+
     Args:
         world: is reset first.
         scene: object and its resting pose.
@@ -139,23 +146,24 @@ def run_world_grasp(
     phase = on_phase or (lambda _: None)
     body, gripper = _grip(world, scene, target, protocol, gripper_spec, bin_spec, phase)
     phase("carry")
-    height_before = world.pose_of(body)[0][2]
+    follower = _Follower(world, body, gripper)
     # The object, not the palm, is to hang over the bin's centre.
     offset = gripper.pose[:2] - world.pose_of(body)[0][:2]
     carry = np.array([*(np.array(bin_spec.centre[:2]) + offset), bin_spec.centre[2] + _CARRY_HEIGHT, 0, 0, target.yaw])
-    highest = [height_before]
-    gripper.move_to(carry, on_step=lambda: highest.append(world.pose_of(body)[0][2]))
-    world.run(0.5)  # lets the swing die, so that the object is not thrown
+    gripper.move_to(carry, until=follower.look)
+    if not follower.left_behind:
+        world.run(0.5)  # lets the swing die, so that the object is not thrown
     held = _is_held(world, body, gripper)
     phase("release")
-    gripper.set_opening(gripper.spec.max_opening)
-    world.run(1.0)
+    if not follower.left_behind:
+        gripper.set_opening(gripper.spec.max_opening)
+        world.run(1.0)
     phase("end")
 
     position = world.pose_of(body)[0]
     distance = bin_spec.horizontal_distance(position)
     success = distance < SUCCESS_DISTANCE
-    outcome = Outcome.SUCCESS if success else _failure(position, held, max(highest) - height_before)
+    outcome = Outcome.SUCCESS if success else _failure(position, held, follower.lift)
     return TrialResult(outcome, success, bin_spec.contains(position), distance, world.steps, target)
 
 
@@ -181,9 +189,9 @@ def lifts(
         Whether the gripper still holds it.
     """
     body, gripper = _grip(world, scene, target, protocol, gripper_spec, Bin(), lambda _: None)
-    height_before = world.pose_of(body)[0][2]
-    gripper.move_to(gripper.pose + np.array([*_LIFT, 0, 0, 0]))
-    return _is_held(world, body, gripper) and world.pose_of(body)[0][2] - height_before > _LIFTED
+    follower = _Follower(world, body, gripper)
+    gripper.move_to(gripper.pose + np.array([*_LIFT, 0, 0, 0]), until=follower.look)
+    return _is_held(world, body, gripper) and world.pose_of(body)[0][2] - follower.height_before > _LIFTED
 
 
 def _grip(
@@ -214,6 +222,33 @@ def _grip(
     phase("close")
     gripper.set_opening(0)
     return body, gripper
+
+
+class _Follower:
+    """Follows the object, step by step, from when the gripper has closed until it is above the bin."""
+
+    def __init__(self, world: World, body: int, gripper: Gripper) -> None:
+        self._world, self._body, self._gripper = world, body, gripper
+        self._first_step, self._last_look = world.steps, world.pose_of(body)
+        self.height_before = self._highest = self._last_look[0][2]
+        self.left_behind = False
+        """Whether the object lies still, all of it below the fingers: they only rise, so nothing moves it any more."""
+
+    @property
+    def lift(self) -> float:
+        """Metres that the object has been lifted at most."""
+        return self._highest - self.height_before
+
+    def look(self) -> bool:
+        """After a step; returns `left_behind`."""
+        pose = self._world.pose_of(self._body)
+        self._highest = max(self._highest, pose[0][2])
+        if (self._world.steps - self._first_step) % _LOOK_EVERY == 0:
+            moves = map(math.dist, self._last_look, pose)
+            still = all(moved < most for moved, most in zip(moves, _STILL, strict=True))
+            self.left_behind = still and self._gripper.lowest - self._world.box_of(self._body)[1][2] > _CLEAR
+            self._last_look = pose
+        return self.left_behind
 
 
 def _failure(position: Vector, held: bool, lift: float) -> Outcome:

@@ -182,6 +182,11 @@ class World:
         position, orientation = self._base_pose(body)
         return position, orientation
 
+    def box_of(self, body: int, link: int = -1) -> tuple[Vector, Vector]:
+        """Lowest and highest corner of the box along the axes that holds a link of a body, by default its base."""
+        low, high = self.client.getAABB(body, link)
+        return low, high
+
     def settle(
         self,
         body: int,

@@ -26,6 +26,7 @@ def test_dimensions_are_the_papers(world, gripper):
     assert right.mean(axis=0)[0] - left.mean(axis=0)[0] == pytest.approx(0.31, abs=1e-3)
     fingertip = left[0, 2]
     assert gripper.pose[2] - fingertip == pytest.approx(gripper.spec.reach, abs=3e-3)
+    assert gripper.lowest == pytest.approx(fingertip, abs=1e-6)
 
 
 @pytest.mark.parametrize("opening", [0.0, 0.1, 0.3, 0.5])
