@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
-from itertools import groupby
-from operator import itemgetter
 from pathlib import Path
 
 from ggcnn_net2net.atomic import alone
@@ -91,22 +88,18 @@ def run_table1(
             lambda done: on_progress("scenes", done, len(places)),
         )
         judged = [network for network in networks if network.model is not None]
-        missing: dict[tuple[str, str, int], tuple[Network, Scene]] = {}
+        taken = set(records)
+        missing: list[tuple[Network, list[Scene]]] = []
         for network in judged:
-            for scene in scenes:
-                key = (network.weights, scene.model.name, scene.pose)
-                if key not in records:
-                    missing.setdefault(key, (network, scene))
-        left = Counter(network.name for network, _ in missing.values())
-        done = {network.name: len(scenes) - left[network.name] for network in judged}
+            own = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in taken]
+            taken.update((network.weights, scene.model.name, scene.pose) for scene in own)
+            missing.append((network, own))
+        done = {network.name: len(scenes) - len(own) for network, own in missing}
 
         def show(name: str) -> None:
             on_progress(name, done[name], len(places))
 
-        for name in done:
-            if not left[name]:
-                show(name)
-        for record in _judge(list(missing.values()), protocol, pool, gripper, show):
+        for record in _judge(missing, protocol, pool, gripper, show):
             records[record.key] = record
             records_file.append(record)
             done[record.model] += 1
@@ -128,16 +121,18 @@ def run_table1(
 
 
 def _judge(
-    trials: Sequence[tuple[Network, Scene]],
+    missing: Sequence[tuple[Network, Sequence[Scene]]],
     protocol: Protocol,
     workers: Workers,
     gripper: GripperSpec,
     on_begin: Callable[[str], None],
 ) -> Iterator[GraspRecord]:
-    """Predict a grasp for every trial and execute it; while some are executed, the next are predicted.
+    """Predict a grasp for every scene of every network and execute it.
+
+    While the workers of this machine execute some, the next are predicted, also those of the next network.
 
     Args:
-        trials: all of a network stand together. While the last of one are executed, the next network is compiled.
+        missing: networks and their scenes.
         protocol: see `Protocol`.
         workers: run the simulation.
         gripper: what grasps.
@@ -146,13 +141,15 @@ def _judge(
     Yields:
         A record of each trial, as they come.
     """
+    trials = [(network, scene) for network, scenes in missing for scene in scenes]
     grasps: list[Grasp | None] = []
 
     def predicted() -> Iterator[Grasp | None]:
-        for network, its_trials in groupby(trials, key=itemgetter(0)):
+        for network, scenes in missing:
             on_begin(network.name)
-            depth = depth_images([scene for _, scene in its_trials])
-            for grasp in each_grasp(network.model, depth, decoding_of(protocol)):
+            if not scenes:
+                continue
+            for grasp in each_grasp(network.model, depth_images(scenes), decoding_of(protocol)):
                 grasps.append(grasp)
                 yield grasp
 

@@ -80,27 +80,37 @@ class Strip:
 
     title: str
     pictures: list[Image]
+    captions: list[str]
+    """Of all pictures but the first."""
+
+
+_CAPTIONS = {"close": "before closing", "carry": "closed", "release": "over the bin", "end": "end"}
 
 
 def trial_strip(
     world: World, scene: Scene, grasp: Grasp | None, protocol: Protocol, gripper: GripperSpec | None = None
 ) -> tuple[Strip, TrialResult]:
-    """Run a trial and keep a picture at the beginning of each of its phases, seen from close by until it is carried."""
+    """Run a trial and keep a picture at the beginning of each of its phases but the first.
+
+    Seen from close by, until the object is above the bin.
+    """
     near = Camera(
         target=(scene.position[0], scene.position[1], 0.08),
         position=(scene.position[0] - 0.45, scene.position[1] - 0.5, 0.55),
         up=(0, 0, 1),
         fov=45,
     )
-    pictures = [draw_grasp(scene.rgb, grasp)]
+    pictures, phases = [draw_grasp(scene.rgb, grasp)], []
 
     def take(phase: str) -> None:
-        camera = FILM_CAMERA if phase in ("release", "end") else near
-        if phase != "approach":
-            pictures.append(camera.render(world.client)[1])
+        if phase not in _CAPTIONS:
+            return
+        phases.append(phase)
+        camera = FILM_CAMERA if "release" in phases else near
+        pictures.append(camera.render(world.client)[1])
 
     result = run_trial(world, scene, grasp, protocol, gripper, on_phase=take)
-    return Strip(f"{scene.key}: {result.outcome}", pictures), result
+    return Strip(f"{scene.key}: {result.outcome}", pictures, [_CAPTIONS[phase] for phase in phases]), result
 
 
 def show_trial(scene: Scene, grasp: Grasp | None, protocol: Protocol, gripper: GripperSpec | None = None) -> None:
@@ -152,13 +162,13 @@ def save_strips(path: Path, strips: Sequence[Strip]) -> None:
     columns = max(len(strip.pictures) for strip in strips)
     figure = Figure(figsize=(2.4 * columns, 2.5 * len(strips)), layout="constrained")
     grid = figure.subplots(len(strips), columns, squeeze=False)
-    phases = ("seen from above", "before closing", "closed", "carried or left behind", "end")
     for strip, axes in zip(strips, grid, strict=True):
-        for index, axis in enumerate(axes):
+        for axis in axes:
             axis.set_axis_off()
-            if index < len(strip.pictures):
-                axis.imshow(strip.pictures[index])
-                axis.set_title(strip.title if index == 0 else phases[index], fontsize=8, parse_math=False)
+        titles = [strip.title, *strip.captions]
+        for axis, picture, title in zip(axes, strip.pictures, titles, strict=False):  # a trial may have ended early
+            axis.imshow(picture)
+            axis.set_title(title, fontsize=8, parse_math=False)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=100)
 
@@ -174,7 +184,7 @@ def contact_sheet(path: Path, objects: ObjectSet, columns: int = 8) -> None:
         for model, axis in zip(objects.objects, grid, strict=False):
             world.reset()
             body = world.add_object(model, (0, 0, 2 * model.longest_side), (0, 0, 0, 1))  # clear of the plane
-            low, high = np.array(world.client.getAABB(body))
+            low, high = np.array(world.box_of(body))
             middle, radius = (low + high) / 2, np.linalg.norm(high - low) / 2
             eye = middle + 3.2 * radius * np.array([-0.45, -0.6, 0.66])
             camera = Camera(tuple(middle), tuple(eye), (0, 0, 1), fov=36, near=0.01, width=260, height=260)

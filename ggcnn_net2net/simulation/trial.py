@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -16,7 +15,7 @@ from ggcnn_net2net.simulation.camera import Camera
 from ggcnn_net2net.simulation.gripper import Gripper
 from ggcnn_net2net.simulation.gripper_spec import GripperSpec
 from ggcnn_net2net.simulation.scenes import Scene
-from ggcnn_net2net.simulation.world import Bin, Vector, World
+from ggcnn_net2net.simulation.world import STILL_TIME, Bin, Vector, World
 
 SUCCESS_DISTANCE = 0.7
 """Metres, horizontally, between object and bin centre below which the public code of the paper counts a success. More
@@ -26,9 +25,8 @@ _APPROACH = 0.5  # metres above the grasp
 _CARRY_HEIGHT = 0.75  # above the bin
 _LIFTED = 0.05  # metres an object has to rise to count as lifted
 _LIFT = (0.4, 0.4, 0.3)  # metres along x, y and z that `lifts` moves the gripper
-_CLEAR = 0.01  # metres from an object's top to the fingers that have left it behind
-_LOOK_EVERY = 100  # steps between two looks at whether the object lies still
-_STILL = (2e-4, 1e-3)  # from one look to the next, metres and distance of quaternions: the speeds of `World.settle`
+_CLEAR = 0.01  # metres from an object's top to fingers that cannot touch it any more
+_LOOK_EVERY = 100  # steps between two looks at how far that is
 
 
 class Outcome(StrEnum):
@@ -108,8 +106,8 @@ def run_trial(
 ) -> TrialResult:
     """Execute a grasp on a scene.
 
-    The public code always goes on to the end. Here a trial ends when the gripper has left the object behind, where it
-    lies still and nothing will touch it.
+    The public code always goes on to the end. Here a trial ends as soon as the object lies still below the fingers,
+    where the gripper has lost it: it is judged there.
 
     Args:
         world: is reset first.
@@ -118,7 +116,8 @@ def run_trial(
         protocol: solver, jaws, and how far the gripper descends.
         gripper_spec: dimensions of the gripper; the paper's by default.
         bin_spec: the bin; the paper's by default.
-        on_phase: called with "approach", "close", "carry", "release" and "end" when each begins.
+        on_phase: called with "approach", "close", "carry", "release" and "end" when each begins; without "release"
+            where the gripper has lost the object.
 
     Returns:
         The result. Equal arguments give bit-identical results.
@@ -150,12 +149,12 @@ def run_world_grasp(
     # The object, not the palm, is to hang over the bin's centre.
     offset = gripper.pose[:2] - world.pose_of(body)[0][:2]
     carry = np.array([*(np.array(bin_spec.centre[:2]) + offset), bin_spec.centre[2] + _CARRY_HEIGHT, 0, 0, target.yaw])
-    gripper.move_to(carry, until=follower.look)
+    gripper.move_to(carry, until=follower.follow)
+    held = False
     if not follower.left_behind:
         world.run(0.5)  # lets the swing die, so that the object is not thrown
-    held = _is_held(world, body, gripper)
-    phase("release")
-    if not follower.left_behind:
+        held = _is_held(world, body, gripper)
+        phase("release")
         gripper.set_opening(gripper.spec.max_opening)
         world.run(1.0)
     phase("end")
@@ -190,7 +189,7 @@ def lifts(
     """
     body, gripper = _grip(world, scene, target, protocol, gripper_spec, Bin(), lambda _: None)
     follower = _Follower(world, body, gripper)
-    gripper.move_to(gripper.pose + np.array([*_LIFT, 0, 0, 0]), until=follower.look)
+    gripper.move_to(gripper.pose + np.array([*_LIFT, 0, 0, 0]), until=follower.follow)
     return _is_held(world, body, gripper) and world.pose_of(body)[0][2] - follower.height_before > _LIFTED
 
 
@@ -225,29 +224,30 @@ def _grip(
 
 
 class _Follower:
-    """Follows the object, step by step, from when the gripper has closed until it is above the bin."""
+    """Follows the object while the gripper moves up and away with it, or without it."""
 
     def __init__(self, world: World, body: int, gripper: Gripper) -> None:
         self._world, self._body, self._gripper = world, body, gripper
-        self._first_step, self._last_look = world.steps, world.pose_of(body)
-        self.height_before = self._highest = self._last_look[0][2]
-        self.left_behind = False
-        """Whether the object lies still, all of it below the fingers: they only rise, so nothing moves it any more."""
+        self.height_before = self._highest = world.pose_of(body)[0][2]
+        self._is_clear, self._calm_steps = False, 0
 
     @property
     def lift(self) -> float:
         """Metres that the object has been lifted at most."""
         return self._highest - self.height_before
 
-    def look(self) -> bool:
-        """After a step; returns `left_behind`."""
-        pose = self._world.pose_of(self._body)
-        self._highest = max(self._highest, pose[0][2])
-        if (self._world.steps - self._first_step) % _LOOK_EVERY == 0:
-            moves = map(math.dist, self._last_look, pose)
-            still = all(moved < most for moved, most in zip(moves, _STILL, strict=True))
-            self.left_behind = still and self._gripper.lowest - self._world.box_of(self._body)[1][2] > _CLEAR
-            self._last_look = pose
+    @property
+    def left_behind(self) -> bool:
+        """Whether the object lies still below the fingers, which only rise: the gripper cannot touch it any more."""
+        return self._calm_steps >= self._world.steps_in(STILL_TIME)
+
+    def follow(self) -> bool:
+        """Look at the object after a step; returns `left_behind`."""
+        self._highest = max(self._highest, self._world.pose_of(self._body)[0][2])
+        if self._world.steps % _LOOK_EVERY == 0:
+            top = self._world.box_of(self._body)[1][2]
+            self._is_clear = self._gripper.lowest - top > _CLEAR
+        self._calm_steps = self._calm_steps + 1 if self._is_clear and self._world.is_calm(self._body) else 0
         return self.left_behind
 
 

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 TIME_STEP = 1e-3
 GRAVITY = -10.0
+STILL_TIME = 0.1
+"""Seconds that a body has to be calm for to lie still."""
+
+_CALM_SPEED, _CALM_TURN = 2e-3, 2e-2  # m/s, rad/s
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -187,33 +191,26 @@ class World:
         low, high = self.client.getAABB(body, link)
         return low, high
 
-    def settle(
-        self,
-        body: int,
-        timeout: float = 10.0,
-        speed: float = 2e-3,
-        angular_speed: float = 2e-2,
-        duration: float = 0.1,
-    ) -> bool:
-        """Step until a body has been still for `duration` seconds, at most `timeout` seconds.
+    def is_calm(self, body: int) -> bool:
+        """Whether a body moves by less than 2 mm/s and turns by less than 0.02 rad/s."""
+        linear, angular = self._base_velocity(body)
+        return bool(np.dot(linear, linear) < _CALM_SPEED**2 and np.dot(angular, angular) < _CALM_TURN**2)
+
+    def settle(self, body: int, timeout: float = 10.0) -> bool:
+        """Step until a body has been calm for 0.1 s.
 
         Args:
             body: its id.
             timeout: simulated seconds to wait.
-            speed: m/s below which it is still.
-            angular_speed: the same for its rotation, rad/s.
-            duration: seconds for which it has to stay below both.
 
         Returns:
             Whether it came to rest.
         """
-        still = 0
+        calm = 0
         for _ in range(self.steps_in(timeout)):
             self.step()
-            linear, angular = self._base_velocity(body)
-            calm = np.dot(linear, linear) < speed**2 and np.dot(angular, angular) < angular_speed**2
-            still = still + 1 if calm else 0
-            if still >= self.steps_in(duration):
+            calm = calm + 1 if self.is_calm(body) else 0
+            if calm >= self.steps_in(STILL_TIME):
                 return True
         return False
 

@@ -105,6 +105,31 @@ def test_an_interrupted_run_goes_on_where_it_stopped(original, objects, tmp_path
     assert csv.read_bytes() == (tmp_path / "whole" / "grasps.csv").read_bytes()
 
 
+def test_the_next_network_is_predicted_while_grasps_are_executed(network, objects, tmp_path):
+    networks = [network("first", 45.0, "c" * 64), network("second", 60.0, "d" * 64)]
+    done = []
+
+    def stop(stage, count, _):
+        done.append((stage, count))
+        if (stage, count) == ("second", 2):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), LocalWorkers(1) as workers:
+        run(networks, objects, tmp_path, workers=workers, on_progress=stop)
+    assert done.index(("first", 1)) < done.index(("second", 0)) < done.index(("first", 6))
+
+    done.clear()
+    table = run(networks, objects, tmp_path, on_progress=lambda *what: done.append(what[:2]))
+    assert done == [("scenes", 6), ("first", 6), *[("second", count) for count in range(2, 7)]]
+    assert [row.success.trials for row in table.rows] == [6, 6]
+
+
+def test_the_same_weights_under_two_names_are_judged_once(network, objects, tmp_path):
+    table = run([network("mine", 45.0, "c" * 64), network("copy", 45.0, "c" * 64)], objects, tmp_path)
+    assert [row.success.trials for row in table.rows] == [6, 6]
+    assert {record.model for record in RecordFile(tmp_path / "grasps.csv").read()} == {"mine"}
+
+
 def test_a_network_is_added_to_a_finished_table(original, network, objects, tmp_path):
     run([original], objects, tmp_path)
     before = RecordFile(tmp_path / "grasps.csv").read()
