@@ -90,10 +90,7 @@ _CAPTIONS = {"close": "before closing", "carry": "closed", "release": "over the 
 def trial_strip(
     world: World, scene: Scene, grasp: Grasp | None, protocol: Protocol, gripper: GripperSpec | None = None
 ) -> tuple[Strip, TrialResult]:
-    """Run a trial and keep a picture at the beginning of each of its phases but the first.
-
-    Seen from close by, until the object is above the bin.
-    """
+    """Run a trial and keep a picture at the beginning of each phase but the first, from near the object at first."""
     near = Camera(
         target=(scene.position[0], scene.position[1], 0.08),
         position=(scene.position[0] - 0.45, scene.position[1] - 0.5, 0.55),
