@@ -91,9 +91,9 @@ def run_table1(
         taken = set(records)
         missing: list[tuple[Network, list[Scene]]] = []
         for network in judged:
-            own = [scene for scene in scenes if (network.weights, scene.model.name, scene.pose) not in taken]
-            taken.update((network.weights, scene.model.name, scene.pose) for scene in own)
-            missing.append((network, own))
+            keys = {(network.weights, scene.model.name, scene.pose): scene for scene in scenes}
+            missing.append((network, [scene for key, scene in keys.items() if key not in taken]))
+            taken |= keys.keys()
         done = {network.name: len(scenes) - len(own) for network, own in missing}
 
         def show(name: str) -> None:
@@ -148,7 +148,7 @@ def _judge(
         for network, scenes in missing:
             on_begin(network.name)
             if not scenes:
-                continue
+                continue  # nothing to compile it for
             for grasp in each_grasp(network.model, depth_images(scenes), decoding_of(protocol)):
                 grasps.append(grasp)
                 yield grasp
